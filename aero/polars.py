@@ -1,0 +1,60 @@
+"""Section polars: tables of cl, cd, cm over the angle of attack, one row a strip."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+
+@dataclass(frozen=True, eq=False)
+class StripPolars:
+    """Coefficients of every strip as functions of its own angle of attack.
+
+    Monotone piecewise cubics (Fritsch and Carlson 1980) through the table points: no overshoot near stall, exact for
+    linear tables, continuous slope. Beyond the table the end value is held with zero slope and the strip is flagged.
+
+    `alpha` (k,) rad, increasing; `coefficients` (3 of cl, cd, cm; strips; k - 1; 4), highest power first.
+    """
+
+    alpha: np.ndarray
+    coefficients: np.ndarray
+
+    @classmethod
+    def from_tables(cls, alpha, cl, cd, cm, span, strip_span):
+        """Polars of strips at `strip_span` (n,) from section tables (sections, k) that stand at `span` (sections,).
+
+        Shape-preserving along the span too; a strip outside the outermost sections takes the nearest one.
+        """
+        alpha = np.asarray(alpha, float)
+        tables = np.stack([np.asarray(t, float) for t in (cl, cd, cm)])
+        span = np.asarray(span, float)
+        at = np.clip(np.asarray(strip_span, float), span[0], span[-1])
+        if len(span) > 1:
+            strips = PchipInterpolator(span, tables, axis=1)(at)
+        else:
+            strips = np.repeat(tables, len(at), axis=1)
+        pieces = PchipInterpolator(alpha, strips, axis=2).c  # (4, k - 1, 3, n)
+        return cls(alpha, np.ascontiguousarray(np.transpose(pieces, (2, 3, 1, 0))))
+
+    def of(self, strips):
+        """Polars of the chosen `strips` (a slice) only."""
+        return StripPolars(self.alpha, self.coefficients[:, strips])
+
+    def _piece(self, alpha):
+        inside = np.clip(alpha, self.alpha[0], self.alpha[-1])
+        k = np.clip(np.searchsorted(self.alpha, inside, side="right") - 1, 0, len(self.alpha) - 2)
+        return inside - self.alpha[k], k, (alpha < self.alpha[0]) | (alpha > self.alpha[-1])
+
+    def lift(self, alpha):
+        """cl (n,), its slope dcl/dalpha (n,) per rad, and whether alpha left the table (n,) bool."""
+        s, k, outside = self._piece(alpha)
+        c3, c2, c1, c0 = self.coefficients[0, np.arange(len(k)), k].T
+        cl = ((c3 * s + c2) * s + c1) * s + c0
+        slope = np.where(outside, 0.0, (3.0 * c3 * s + 2.0 * c2) * s + c1)
+        return cl, slope, outside
+
+    def all(self, alpha):
+        """cl, cd, cm stacked (3, n) at alpha (n,) rad."""
+        s, k, _ = self._piece(alpha)
+        c3, c2, c1, c0 = np.moveaxis(self.coefficients[:, np.arange(len(k)), k], -1, 0)
+        return ((c3 * s + c2) * s + c1) * s + c0

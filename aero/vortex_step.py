@@ -1,0 +1,157 @@
+"""Vortex-step method on a deformed wing: from interface nodes to pressures, shears and coefficients."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from .circulation import Circulation, SectionFlow, attached_start, solve
+from .influence import CORE_FRACTION, control_influence, folded, trailing_influence
+from .polars import StripPolars
+from .strips import Strips, strips_between, unit
+from .surface_loads import SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
+
+
+@dataclass(frozen=True, eq=False)
+class WingLoads:
+    """Loads on n strips and 2n panels for one shape in one wind.
+
+    `pressure` (2n,) Pa, `shear` (2n,3) Pa or None; per strip: `force` (n,3) N acting at `point` (n,3) m with the couple
+    `moment` (n,3) N m, `alpha` (n,) rad, `circulation`. `strips` is the geometry that was used.
+    """
+
+    pressure: np.ndarray
+    shear: np.ndarray | None
+    force: np.ndarray
+    point: np.ndarray
+    moment: np.ndarray
+    circulation: Circulation
+    strips: Strips
+
+    def total_force(self):
+        """Force on the wing (3,) N."""
+        return self.force.sum(axis=0)
+
+    def total_moment(self, about):
+        """Moment on the wing (3,) N m about a point (3,) m."""
+        return (np.cross(self.point - about, self.force) + self.moment).sum(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class VortexStep:
+    """A wing of strips with section polars, ready to be solved on any shape of its interface surface.
+
+    `induction` False is strip theory: every section meets the free stream. `direction` chooses the flow that the section
+    lift is normal to: at the "bound" vortex without bound circulation, as in lifting-line theory (exact induced drag of
+    planar wings), or at the "control" point, as Damiani et al. (2019) and Vortex-Step-Method do, which adds drag.
+    `section_force` "lift-drag" reads the polars as cl and cd; "normal" reads cl as c_n of a thin plate that carries
+    pressure only: no shear then. `follow` see `pressure_and_shear`.
+    """
+
+    polars: StripPolars
+    grid: SurfaceGrid
+    density: float = 1.225
+    induction: bool = True
+    direction: Literal["bound", "control"] = "bound"
+    section_force: Literal["lift-drag", "normal"] = "lift-drag"
+    follow: bool = False
+    core_fraction: float = CORE_FRACTION
+    mirror: np.ndarray = field(init=False, default=None)
+    _panels: np.ndarray = field(init=False, default=None)
+
+    def __post_init__(self):
+        n = len(self.grid.sections) - 1
+        object.__setattr__(self, "mirror", np.arange(n)[::-1])
+        object.__setattr__(self, "_panels", self.grid.panels)
+
+    def loads(self, nodes, wind, start=None, symmetric=False):
+        """Loads for interface `nodes` (s,3) m in the `wind` (3,) m/s, from the circulation `start` (n,) if there is one.
+
+        With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored.
+        """
+        sections = nodes[self.grid.sections]
+        strips = strips_between(sections[:, 0], sections[:, 2])
+        wind = np.asarray(wind, float)
+        wake = wind / np.linalg.norm(wind)
+        n = len(strips.chord)
+        rows = slice(n // 2, n) if symmetric else slice(0, n)
+        flow, part = self._flow(strips, wind, wake, rows, symmetric)
+        circulation = self._solve(flow, None if start is None else start[rows])
+        force, moment = self._section_loads(flow, circulation, strips, part, rows, symmetric, wake)
+        if symmetric:
+            circulation, force, moment = _whole(circulation, force, moment, n)
+        return self._on_surface(nodes, strips, force, moment, circulation)
+
+    def _flow(self, strips, wind, wake, rows, symmetric):
+        part = _part(strips, rows)
+        influence = None
+        if self.induction:
+            influence = control_influence(strips, wake, rows, self.core_fraction)
+            if symmetric:
+                influence = folded(influence, self.mirror)
+        return SectionFlow(influence, wind, part, self.polars.of(rows)), part
+
+    @staticmethod
+    def _solve(flow, start):
+        return solve(flow, attached_start(flow) if start is None else start)
+
+    def _section_loads(self, flow, circulation, strips, part, rows, symmetric, wake):
+        """Force (p,3) N and pitching moment (p,) N m of the solved strips."""
+        cl, cd, cm = flow.polars.all(circulation.alpha)
+        q_area = 0.5 * self.density * circulation.speed**2 * part.chord * part.width
+        moment = q_area * part.chord * cm
+        if self.section_force == "normal":
+            return (q_area * cl)[:, None] * part.normal, moment
+        alpha = circulation.alpha
+        if self.direction == "bound" and self.induction:
+            wash = trailing_influence(part.centre, strips, wake, self.core_fraction)
+            if symmetric:
+                wash = folded(wash, self.mirror)
+            v = flow.free_stream + (wash @ circulation.gamma).T
+            alpha = np.arctan2(
+                np.einsum("ik,ik->i", v, part.normal), np.einsum("ik,ik->i", v, part.tangent)
+            )
+        along = np.cos(alpha)[:, None] * part.tangent + np.sin(alpha)[:, None] * part.normal
+        lift = unit(np.cross(along, part.span))
+        drag = np.cross(part.span, lift)
+        return (q_area * cl)[:, None] * lift + (q_area * cd)[:, None] * drag, moment
+
+    def _on_surface(self, nodes, strips, force, moment, circulation):
+        n = len(moment)
+        f0, f1, f2 = self.grid.fractions
+        fractions = np.repeat([[f0, f1, f1, f0], [f1, f2, f2, f1]], n, axis=0)
+        panels = panel_geometry(nodes[self._panels], fractions)
+        fore, aft = (_rows(panels, slice(k * n, (k + 1) * n)) for k in (0, 1))
+        steady, couple, point, turning = two_panel_loads(force, moment, strips.span, fore, aft)
+        follow = self.follow or self.section_force == "normal"
+        pressure, shear = pressure_and_shear(np.concatenate(steady), np.concatenate(couple), panels, follow)
+        if self.section_force == "normal":
+            shear = None
+        return WingLoads(pressure, shear, force, point, turning, circulation, strips)
+
+
+def _rows(panels, rows):
+    return type(panels)(panels.area[rows], panels.area2[rows], panels.centroid[rows], panels.fraction[rows])
+
+
+def _part(strips, rows):
+    names = ("control", "centre", "chord", "width", "tangent", "span", "normal")
+    return Strips(strips.bound, strips.trailing_edge, *(getattr(strips, name)[rows] for name in names))
+
+
+def _whole(circulation, force, moment, n):
+    """The mirrored half added: strips 0 ... n/2 - 1 are the images of the solved ones in reverse order."""
+    image = slice(None, 0 if n % 2 else None, -1)
+    mirrored = force * np.array([1.0, -1.0, 1.0])
+
+    def join(a, b):
+        return np.concatenate([a[image], b])
+
+    whole = Circulation(
+        *(join(getattr(circulation, k), getattr(circulation, k)) for k in ("gamma", "alpha", "speed", "outside")),
+        circulation.converged,
+        circulation.newton_iterations,
+        circulation.residual,
+        circulation.viscosity,
+    )
+    return whole, join(mirrored, force), join(moment, moment)

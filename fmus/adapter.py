@@ -1,0 +1,255 @@
+"""A solver core as an FMI 2.0 co-simulation slave: its blocks become scalars over one buffer.
+
+The value reference of a scalar is its place in the buffer, whatever its type, so that a block is one slice. Setting
+writes the buffer only; a step hands the blocks that changed to the core, solves, and fetches the outputs.
+
+PythonFMU answers an exception with fmi2Fatal and a double free in the host. Nothing may leave the methods it calls:
+they log one sentence instead, and the step that follows is discarded (it is the only call that can report a failure).
+"""
+
+import json
+import math
+import pickle
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from pythonfmu import DefaultExperiment, Fmi2Slave
+from pythonfmu.enums import Fmi2Status
+
+import scenes
+from fmus.description import add_variables
+from scenes.variables import StepFailed, Variable
+
+PACKAGES = ("structural", "aero", "scenes", "fmus")  # what an FMU carries
+SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
+
+
+class Core(Protocol):
+    """What a solver shows: its variables, and set / step / get / save / restore on them."""
+
+    variables: tuple[Variable, ...]
+
+    def set(self, block: str, values: Any) -> None: ...
+    def step(self, t: float, dt: float) -> None: ...
+    def get(self, block: str) -> np.ndarray: ...
+    def save(self) -> object: ...
+    def restore(self, state: Any) -> None: ...
+
+
+def _share_modules(resources: Path) -> None:
+    """Let packages that another FMU brought into this process find their modules in this FMU's folder too.
+
+    The folder they came from may be deleted before this FMU imports its last module; all FMUs carry the same packages.
+    """
+    if (entry := str(resources)) in sys.path:
+        sys.path.remove(entry)
+    for name in PACKAGES:
+        package, folder = sys.modules.get(name), resources / name
+        if package is None or not folder.is_dir():
+            continue
+        for gone in [path for path in package.__path__ if not Path(path).is_dir()]:
+            package.__path__.remove(gone)  # type: ignore[attr-defined]
+        if str(folder) not in package.__path__:
+            package.__path__.append(str(folder))  # type: ignore[attr-defined]
+
+
+class CoreFmu(Fmi2Slave):
+    """FMI slave of one solver core: the given one, or the one of the scene in the FMU's resources."""
+
+    title = "Solver"
+    default_experiment = DefaultExperiment(start_time=0.0, stop_time=20.0, step_size=1.0)
+    license = "BSD-3-Clause"
+
+    def __init__(self, core: Core | None = None, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self._core = self._resource_core(Path(self.resources)) if core is None else core
+        self.blocks: dict[str, tuple[Variable, slice]] = {}
+        size = 0
+        for variable in self._core.variables:
+            self.blocks[variable.name] = variable, slice(size, size + variable.size)
+            size += variable.size
+        self._layout = tuple((variable.name, variable.shape) for variable in self._core.variables)
+        self._buffer = np.zeros(size)
+        self._block_of = np.repeat(np.array(list(self.blocks)), [v.size for v, _ in self.blocks.values()])
+        self._spans: dict[tuple[int, int], tuple[list[int], slice | np.ndarray, frozenset[str]]] = {}
+        self._outputs = [name for name, (variable, _) in self.blocks.items() if variable.causality == "output"]
+        self._locked = set(self._outputs)
+        self._dirty: set[str] = set()
+        self._initialising = False
+        self._refused: str | None = None  # a set that failed since the last step
+        self._lost: str | None = None  # a state that could not be restored
+        self._time = 0.0
+        self._fetch(self.blocks)
+
+    @staticmethod
+    def scene_core(scene: scenes.Scene) -> Core:
+        """The core that this FMU shows, from its scene."""
+        raise NotImplementedError
+
+    def _resource_core(self, resources: Path) -> Core:
+        _share_modules(resources)
+        content = json.loads((resources / SCENE_FILE).read_text(encoding="utf-8"))
+        core = self.scene_core(scenes.load(resources / content["folder"], content["settings"]))
+        for name, value in content["parameters"].items():
+            core.set(name, np.array(value, dtype=float))
+        return core
+
+    # Between buffer and core
+
+    def _push(self) -> None:
+        """Hand the changed blocks to the core; one that it refuses stays changed, and the core keeps its old value."""
+        for name in [name for name in self.blocks if name in self._dirty]:
+            variable, where = self.blocks[name]
+            self._core.set(name, self._buffer[where].reshape(variable.shape))
+            self._dirty.discard(name)
+
+    def _fetch(self, names: Any) -> None:
+        for name in names:
+            self._buffer[self.blocks[name][1]] = np.asarray(self._core.get(name), dtype=float).reshape(-1)
+
+    def _span(self, vrs: list[int]) -> tuple[slice | np.ndarray, frozenset[str]]:
+        """Where in the buffer value references are, and the blocks they touch; remembered, as importers repeat them."""
+        key = vrs[0], len(vrs)
+        known = self._spans.get(key)
+        if known is None or known[0] != vrs:
+            places = np.array(vrs)
+            if places.min() < 0 or places.max() >= self._buffer.size:
+                raise ValueError(f"Value references go from 0 to {self._buffer.size - 1}.")
+            one_slice = bool((np.diff(places) == 1).all())
+            where = slice(vrs[0], vrs[0] + len(vrs)) if one_slice else places
+            known = self._spans[key] = list(vrs), where, frozenset(self._block_of[places].tolist())
+        return known[1], known[2]
+
+    def _say(self, error: BaseException | str, status: Fmi2Status) -> str:
+        """Log one sentence; FMI takes it as a printf format, so that per cent signs are doubled."""
+        plain = isinstance(error, str | ValueError | StepFailed)
+        sentence = " ".join((str(error) if plain else f"{type(error).__name__}: {error}").split())
+        self.log(sentence.replace("%", "%%"), status)
+        return sentence
+
+    # Variables
+
+    def _put(self, vrs: list[int], values: Sequence[float]) -> None:
+        try:
+            if vrs:
+                where, names = self._span(vrs)
+                if not self._locked.isdisjoint(names):
+                    name = min(self._locked.intersection(names))
+                    why = "an output" if name in self._outputs else "a fixed parameter, set before initialisation"
+                    raise ValueError(f"{name} cannot be set: it is {why}.")
+                self._buffer[where] = values
+                self._dirty |= names
+        except BaseException as error:
+            self._refused = self._say(error, Fmi2Status.error)
+
+    def _values(self, vrs: list[int], kind: Callable[[float], Any], bad: Any) -> list[Any]:
+        if not vrs:
+            return []
+        if self._initialising and self._dirty:
+            self._settle()
+        try:
+            values: list[Any] = self._buffer[self._span(vrs)[0]].tolist()
+            return values if kind is float else [kind(value) for value in values]
+        except BaseException as error:
+            self._say(error, Fmi2Status.error)
+            return [bad] * len(vrs)
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        self._put(vrs, values)
+
+    set_integer = set_boolean = set_real
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        return self._values(vrs, float, math.nan)
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        return self._values(vrs, round, 0)
+
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        return self._values(vrs, bool, False)
+
+    # Life
+
+    def _settle(self) -> None:
+        """Outputs that reflect the start values set so far."""
+        try:
+            self._push()
+            self._fetch(self._outputs)
+        except BaseException as error:
+            self._say(error, Fmi2Status.error)
+
+    def setup_experiment(self, start_time: float = 0.0, *_: Any) -> None:
+        self._time = start_time
+
+    def enter_initialization_mode(self) -> None:
+        self._initialising = True
+        self._settle()
+
+    def exit_initialization_mode(self) -> None:
+        self._settle()
+        self._initialising = False
+        self._locked |= {name for name, (v, _) in self.blocks.items() if v.variability == "fixed"}
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """One step of the core with the present inputs; False (fmi2Discard) with a logged sentence if it fails."""
+        try:
+            refused, self._refused = self._lost or self._refused, None
+            if refused:
+                raise StepFailed(refused)
+            self._push()
+            self._core.step(current_time, step_size)
+            self._fetch(self._outputs)
+            self._time = current_time + step_size
+            return True
+        except BaseException as error:
+            self._say(error, Fmi2Status.discard)
+            return False
+
+    # Complete state
+
+    def _get_fmu_state(self) -> Any:
+        try:
+            extra = self._buffer.copy(), frozenset(self._dirty), self._time
+            return self._layout, self._core.save(), *extra
+        except BaseException as error:
+            return self._say(error, Fmi2Status.error)  # as is every failure below, reported by the step after a restore
+
+    def _set_fmu_state(self, state: Any) -> None:
+        try:
+            if isinstance(state, str):
+                raise ValueError(state)
+            layout, saved, buffer, dirty, time = state
+            if layout != self._layout:
+                raise ValueError("The state belongs to an FMU with other variables.")
+            self._core.restore(saved)
+            self._buffer[:], self._dirty, self._time = buffer, set(dirty), time
+            self._lost = self._refused = None
+        except BaseException as error:
+            self._lost = self._say(error, Fmi2Status.error)
+
+    @staticmethod
+    def _fmu_state_to_bytes(state: Any) -> bytes:
+        try:
+            return pickle.dumps(state, protocol=5)
+        except BaseException as error:
+            return pickle.dumps(f"The state cannot be serialised: {error}")
+
+    @staticmethod
+    def _fmu_state_from_bytes(state: bytes) -> Any:
+        try:
+            return pickle.loads(state)
+        except BaseException as error:
+            return f"The serialised state cannot be read: {error}"
+
+    def to_xml(self, model_options: Mapping[str, Any] | None = None) -> Element:
+        """The complete model description; it does not depend on the time of the build."""
+        options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True} | dict(model_options or {})
+        root: Element = super().to_xml(options)
+        del root.attrib["generationDateAndTime"]
+        start = {name: self._buffer[where].tolist() for name, (_, where) in self.blocks.items()}
+        add_variables(root, self._core.variables, start)
+        return root

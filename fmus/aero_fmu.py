@@ -1,0 +1,16 @@
+"""The aerodynamic solver of a scene as an FMU; inside the FMU this file is the top-level script."""
+
+from fmus.adapter import Core, CoreFmu
+from scenes import Scene
+
+
+class AeroFmu(CoreFmu):
+    """Takes the displacements of the interface nodes, gives the loads on the interface panels."""
+
+    title = "Aerodynamic solver"
+
+    @staticmethod
+    def scene_core(scene: Scene) -> Core:
+        """The aerodynamic core of the scene."""
+        core: Core = scene.aero_core()
+        return core

@@ -1,0 +1,165 @@
+"""Builds the structural and the aerodynamic FMU of a scene: one zip each, the same bytes for the same inputs."""
+
+import hashlib
+import html
+import importlib.util
+import io
+import json
+import os
+import re
+import uuid
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pythonfmu
+
+from fmus.adapter import PACKAGES, SCENE_FILE, CoreFmu
+from fmus.aero_fmu import AeroFmu
+from fmus.structural_fmu import StructuralFmu
+from scenes import Scene
+
+SCENE_DATA = ("*.toml", "*.csv", "SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
+
+PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head><body>
+<h1>{title}</h1>
+<p>FMI 2.0 co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A step that the solver cannot
+complete returns fmi2Discard and logs the reason. The complete state can be saved, restored and serialised.</p>
+<h2>Variables</h2>
+<table border="1"><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
+{rows}
+</table>
+<h2>External dependencies</h2>
+<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs nothing else if these are
+installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared library (for example
+/usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages with numpy and scipy.</p>
+</body></html>
+"""
+
+
+def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, Path]:
+    """Paths of `<scene>_structural.fmu` and `<scene>_aero.fmu`, written to `out_dir` (made when missing).
+
+    `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU.
+    ValueError in one sentence for a parameter that neither has, or for a value that a core refuses.
+    """
+    given = dict(parameters or {})
+    sides = (("structural", StructuralFmu), ("aero", AeroFmu))
+    cores = {side: slave.scene_core(scene) for side, slave in sides}
+    names = {side: {v.name for v in core.variables if v.causality == "parameter"} for side, core in cores.items()}
+    if unknown := sorted(given.keys() - set().union(*names.values())):
+        known = ", ".join(sorted(set().union(*names.values()))) or "none"
+        raise ValueError(f"Scene {scene.name} has no parameter {unknown[0]!r}; its parameters are {known}.")
+    contents = {}
+    for side, slave in sides:
+        own = {name: np.asarray(value, dtype=float).tolist() for name, value in given.items() if name in names[side]}
+        for name, value in own.items():
+            cores[side].set(name, np.array(value))
+        contents[f"{scene.name}_{side}"] = _scene_fmu(f"{scene.name}_{side}", slave, cores[side], scene, own)
+    out = Path(out_dir)
+    out.mkdir(parents=True, exist_ok=True)
+    structural, aero = (_written(out / f"{name}.fmu", content) for name, content in contents.items())
+    return structural, aero
+
+
+def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, parameters: Mapping[str, Any]) -> bytes:
+    folder = Path(scene.folder).resolve()
+    data = {path for pattern in SCENE_DATA for path in folder.rglob(pattern) if path.is_file()}
+    resources = {f"scene/{folder.name}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in data}
+    content = {"folder": f"scene/{folder.name}", "settings": scene.settings, "parameters": parameters}
+    text = json.dumps(content, indent=1, sort_keys=True, default=lambda value: value.tolist())
+    resources[SCENE_FILE] = text.encode()
+    instance = slave(core, instance_name=name, resources=str(folder))
+    instance.description = f"{slave.title} of the scene {scene.name}"
+    return archive(name, instance, resources)
+
+
+def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes]) -> bytes:
+    """A complete FMU that makes instances of the class of `instance`, whose start values go into its description.
+
+    `resources` (path -> content) are added to the project's packages and to PythonFMU.
+    """
+    identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
+    identifier = f"_{identifier}" if identifier[:1].isdigit() else identifier
+    module = importlib.util.find_spec(type(instance).__module__)
+    if module is None or module.origin is None:
+        raise ValueError(f"The source file of {type(instance).__name__} is not found.")
+    script = Path(module.origin)
+    files = {f"resources/{path}": content for path, content in resources.items()}
+    files |= {f"resources/{path}": content for path, content in _package_sources().items()}
+    files[f"resources/{script.name}"] = script.read_bytes()
+    files["resources/slavemodule.txt"] = script.stem.encode()
+    for binary in sorted((Path(pythonfmu.__file__).parent / "resources" / "binaries").glob("*/*")):
+        files[f"binaries/{binary.parent.name}/{identifier}{binary.suffix}"] = binary.read_bytes()
+    if not any(path.startswith("binaries/") for path in files):
+        raise ValueError(
+            f"PythonFMU in {Path(pythonfmu.__file__).parent} has no binaries; build before loading an FMU."
+        )
+    files["documentation/index.html"] = _page(instance).encode()
+    instance.modelName, instance.guid = identifier, ""
+    digest = hashlib.sha256(_description(instance))
+    for path in sorted(files):
+        digest.update(path.encode() + b"\0" + hashlib.sha256(files[path]).digest())
+    instance.guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
+    return _zipped({"modelDescription.xml": _description(instance)} | dict(sorted(files.items())))
+
+
+def _package_sources() -> dict[str, bytes]:
+    """Path -> content of every Python file of the project's solver packages and of PythonFMU itself."""
+    sources = {}
+    for name in (*PACKAGES, "pythonfmu"):
+        spec = importlib.util.find_spec(name)
+        roots = [Path(path) for path in (spec.submodule_search_locations or [] if spec else [])]
+        root = next((path for path in roots if path.is_dir()), None)
+        if root is None:
+            raise ValueError(f"The sources of package {name!r} are not found, so that no FMU can carry them.")
+        for path in root.glob("*.py") if name == "pythonfmu" else root.rglob("*.py"):
+            relative = path.relative_to(root)
+            if "tests" not in relative.parts and "__pycache__" not in relative.parts:
+                sources[f"{name}/{relative.as_posix()}"] = path.read_bytes()
+    return sources
+
+
+def _description(instance: CoreFmu) -> bytes:
+    root = instance.to_xml()
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text
+
+
+def _page(instance: CoreFmu) -> str:
+    rows = (
+        (v.name, " × ".join(map(str, v.shape)) or "scalar", v.causality, v.unit, v.description)
+        for v, _ in instance.blocks.values()
+    )
+    cells = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows)
+    title = html.escape(instance.description or instance.title)
+    return PAGE.format(title=title, rows="\n".join(f"<tr>{row}</tr>" for row in cells))
+
+
+def _zipped(files: Mapping[str, bytes]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path, content in files.items():
+            entry = zipfile.ZipInfo(path, EPOCH)
+            entry.create_system = 3  # Unix, also when built elsewhere
+            entry.external_attr = (0o755 if path.startswith("binaries/") else 0o644) << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, content)
+    return buffer.getvalue()
+
+
+def _written(path: Path, content: bytes) -> Path:
+    """Write under a temporary name, then rename, so that no half-written FMU is ever seen."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(content)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path

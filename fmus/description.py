@@ -1,0 +1,97 @@
+"""The variables of a solver core in an FMI 2.0 model description: units, scalars, bounds, start values, structure."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from xml.etree.ElementTree import Element, SubElement
+
+from scenes.variables import Variable
+
+# Exponents of the SI base units of the symbols that a unit may be made of (FMI 2.0.4, section 2.2.2).
+BASE_UNITS: dict[str, dict[str, int]] = {
+    "1": {},
+    "m": {"m": 1},
+    "kg": {"kg": 1},
+    "s": {"s": 1},
+    "K": {"K": 1},
+    "rad": {"rad": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "Hz": {"s": -1},
+}
+
+
+def base_exponents(unit: str) -> dict[str, int]:
+    """Exponents of the SI base units of e.g. "kg/m3", "N.m" or "m/s2"; a factor after a slash divides."""
+    exponents: dict[str, int] = {}
+    for sign, part in zip([1] + [-1] * unit.count("/"), unit.split("/"), strict=True):
+        for factor in part.replace("*", ".").replace(" ", ".").split("."):
+            symbol = factor.rstrip("0123456789") or factor
+            if symbol not in BASE_UNITS:
+                raise ValueError(f"Unit {unit!r} is not made of {', '.join(BASE_UNITS)}.")
+            power = sign * int(factor[len(symbol) :] or 1)
+            for base, exponent in BASE_UNITS[symbol].items():
+                exponents[base] = exponents.get(base, 0) + power * exponent
+    return {base: exponent for base, exponent in exponents.items() if exponent}
+
+
+def scalar_names(variable: Variable) -> list[str]:
+    """Names of the scalars of a block in row-major order: "gravity", "pressure[7]", "displacement[12,3]"."""
+    if not variable.shape:
+        return [variable.name]
+    places = product(*(range(1, n + 1) for n in variable.shape))
+    return [f"{variable.name}[{','.join(map(str, place))}]" for place in places]
+
+
+def add_variables(root: Element, variables: Sequence[Variable], start: Mapping[str, list[float]]) -> None:
+    """Fill units, variables and structure into a model description; `start` holds the values of each block in order.
+
+    The value reference of a scalar is its place, blocks following each other.
+
+    Outputs change in doStep only: at a communication point none depends on an input, so that no importer sees an
+    algebraic loop between two FMUs. While initialising they follow the parameters (FMI 2.0.4, section 2.2.8).
+    """
+    units = Element("UnitDefinitions")
+    for unit in sorted({variable.unit for variable in variables if variable.kind == "real"}):
+        exponents = {base: str(exponent) for base, exponent in base_exponents(unit).items()}
+        SubElement(SubElement(units, "Unit", name=unit), "BaseUnit", exponents)
+    root.insert([child.tag for child in root].index("CoSimulation") + 1, units)
+    listed, structure = root.find("ModelVariables"), root.find("ModelStructure")
+    if listed is None or structure is None:
+        raise ValueError("The model description lacks ModelVariables or ModelStructure.")
+    known, unknown, count = [], [], 0
+    for variable in variables:
+        places = range(count + 1, count + 1 + variable.size)  # FMI counts from 1 here
+        known.extend(places if variable.causality == "parameter" else [])
+        unknown.extend(places if variable.causality == "output" else [])
+        _add_scalars(listed, variable, count, start[variable.name])
+        count += variable.size
+    for tag, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(map(str, known)))):
+        parent = SubElement(structure, tag) if unknown else structure
+        for index in unknown:
+            SubElement(parent, "Unknown", index=str(index), dependencies=dependencies)
+
+
+def _add_scalars(variables: Element, variable: Variable, first: int, start: list[float]) -> None:
+    """Append the scalars of a block; real start values carry 17 digits, so that they are read back exactly."""
+    variability = variable.variability
+    if variable.causality == "parameter" and variability not in ("fixed", "tunable"):
+        variability = "tunable"
+    elif variable.kind != "real" and variability == "continuous":
+        variability = "discrete"
+    attributes = {"description": variable.description} if variable.description else {}
+    attributes |= {"causality": variable.causality, "variability": variability}
+    if variable.causality != "input":
+        attributes["initial"] = "exact" if variable.causality == "parameter" else "calculated"
+    text: Callable[[float], str] = {"real": repr, "integer": lambda x: str(round(x))}.get(
+        variable.kind, lambda x: str(bool(x)).lower()
+    )
+    limits = {"unit": variable.unit} if variable.kind == "real" else {}
+    if variable.kind != "boolean":
+        bounds = {"min": variable.minimum, "max": variable.maximum}
+        limits |= {name: text(float(bound)) for name, bound in bounds.items() if bound is not None}
+    for offset, (name, value) in enumerate(zip(scalar_names(variable), start, strict=True)):
+        scalar = SubElement(variables, "ScalarVariable", name=name, valueReference=str(first + offset), **attributes)
+        given = {"start": text(value)} if variable.causality != "output" else {}
+        SubElement(scalar, variable.kind.capitalize(), limits | given)

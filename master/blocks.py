@@ -1,0 +1,121 @@
+"""Named blocks of values: their shapes, what may be set, and how the scalars of an FMU form them."""
+
+import itertools
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a block takes: bounds are numbers or arrays of its shape, None where there are none."""
+
+    causality: str
+    variability: str | None = None
+    minimum: np.ndarray | float | None = None
+    maximum: np.ndarray | float | None = None
+
+
+class Blocks:
+    """What every participant has: names, shapes and the check of values before they are set."""
+
+    name: str
+    blocks: dict[str, tuple[int, ...]]
+    limits: dict[str, Limits]
+
+    @property
+    def causality(self) -> dict[str, str]:
+        """Block name -> "input", "output", "parameter" or another causality of FMI."""
+        return {name: limits.causality for name, limits in self.limits.items()}
+
+    def shape(self, block: str) -> tuple[int, ...]:
+        """Shape of a block; ValueError with the names that there are if there is none of this name."""
+        shape = self.blocks.get(block)
+        if shape is None:
+            raise ValueError(f"{self.name} has no block {block!r}; it has {', '.join(self.blocks) or 'none'}.")
+        return shape
+
+    def checked(self, block: str, values: Any, start: bool = False) -> np.ndarray:
+        """The values as float64 if the block may be set to them (as start values), else ValueError in one sentence."""
+        shape = self.shape(block)
+        limits = self.limits[block]
+        if limits.causality not in ("input", "parameter"):
+            raise ValueError(f"{self.name}: block {block!r} cannot be set, its causality is {limits.causality}.")
+        if limits.variability == "fixed" and not start:
+            raise ValueError(f"{self.name}: block {block!r} is fixed, it takes a value only before the first step.")
+        try:
+            array = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{self.name}: block {block!r} takes numbers of shape {shape}.") from None
+        if array.shape != shape:
+            raise ValueError(f"{self.name}: block {block!r} has shape {shape}, not {array.shape}.")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{self.name}: block {block!r} must be finite.")
+        if limits.minimum is not None and (array < limits.minimum).any():
+            raise ValueError(f"{self.name}: block {block!r} must be at least {np.max(limits.minimum):g}.")
+        if limits.maximum is not None and (array > limits.maximum).any():
+            raise ValueError(f"{self.name}: block {block!r} must be at most {np.min(limits.maximum):g}.")
+        return array
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def grouped(variables: Iterable[Any]) -> dict[str, tuple[list[Any], tuple[int, ...]]]:
+    """Block name -> (its scalars in row-major order, shape), from variables as fmpy describes them.
+
+    Scalars form a block if they are alike and their indices leave no gap, else each stays a block by itself.
+    """
+    groups: dict[str, list[tuple[tuple[int, ...], Any]]] = {}
+    for variable in variables:
+        if variable.type != "String":
+            found = INDEXED.fullmatch(variable.name)
+            name, indices = found.groups() if found else (variable.name, "")
+            place = tuple(map(int, indices.split(","))) if indices else ()
+            groups.setdefault(name, []).append((place, variable))
+    blocks: dict[str, tuple[list[Any], tuple[int, ...]]] = {}
+    for name, members in groups.items():
+        members.sort(key=lambda member: member[0])
+        shape = _grid([place for place, _ in members])
+        if shape is None or len({(v.type, v.causality, v.variability) for _, v in members}) > 1:
+            blocks |= {variable.name: ([variable], ()) for _, variable in members}
+        else:
+            blocks[name] = [variable for _, variable in members], shape
+    return blocks
+
+
+def _grid(places: list[tuple[int, ...]]) -> tuple[int, ...] | None:
+    """Shape of the array whose every index, from any origin, is listed once in row-major order; None if it is not."""
+    first, last = places[0], places[-1]
+    if len(first) != len(last):
+        return None
+    shape = tuple(b - a + 1 for a, b in zip(first, last, strict=True))
+    if min(shape, default=1) < 1 or math.prod(shape) != len(places):
+        return None
+    indices = itertools.product(*(range(a, b + 1) for a, b in zip(first, last, strict=True)))
+    return shape if places == list(indices) else None
+
+
+def described_limits(scalars: list[Any], shape: tuple[int, ...]) -> Limits:
+    """Causality, variability and bounds of a block of an FMU, from the descriptions of its scalars."""
+    lower = [-np.inf if scalar.min is None else float(scalar.min) for scalar in scalars]
+    upper = [np.inf if scalar.max is None else float(scalar.max) for scalar in scalars]
+    return Limits(
+        scalars[0].causality,
+        scalars[0].variability,
+        np.reshape(lower, shape) if np.isfinite(lower).any() else None,
+        np.reshape(upper, shape) if np.isfinite(upper).any() else None,
+    )

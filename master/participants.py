@@ -1,0 +1,295 @@
+"""The two kinds of participant of a coupled simulation, an FMU and a solver core in this process, with one interface.
+
+An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one C call a block on prebuilt arrays.
+"""
+
+import ctypes
+import itertools
+import os
+import shutil
+import tempfile
+import weakref
+from collections import deque
+from collections.abc import Mapping
+from ctypes import byref, c_double, c_int, c_uint, c_void_p
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from fmpy import calloc, extract, free, platform, read_model_description
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.logging import addLoggerProxy
+
+from master.blocks import Blocks, Limits, described_limits, grouped
+
+
+class StepFailed(RuntimeError):
+    """A participant refused a step; the message says why. Its state may be restored and the step tried again."""
+
+
+class Participant(Protocol):
+    """A solver that exchanges named blocks of values and advances step by step."""
+
+    blocks: Mapping[str, tuple[int, ...]]
+    causality: Mapping[str, str]
+
+    def set(self, block: str, values: Any) -> None:
+        """Give a new value to an input or a tunable parameter; ValueError in one sentence if it is not acceptable."""
+
+    def step(self, t: float, dt: float) -> None:
+        """Advance from t to t + dt [s]; StepFailed with the reason if the solver could not."""
+
+    def get(self, block: str) -> np.ndarray:
+        """A copy of the present value of a block, float64 of its shape."""
+
+    def save(self) -> Any:
+        """The complete state, to be given to restore any number of times and then to free."""
+
+    def restore(self, state: Any) -> None:
+        """Return to a saved state: the steps that follow give bitwise the same results."""
+
+    def free(self, state: Any) -> None:
+        """Give back what a saved state holds."""
+
+    def close(self) -> None:
+        """End of use; what is still saved is freed."""
+
+
+class InProcessParticipant(Blocks):
+    """A solver core in this process; `parameters` are set at once, fixed ones then no more, as for an FMU."""
+
+    saves_state = True
+
+    def __init__(self, core: Any, parameters: Mapping[str, Any] | None = None, name: str = "Solver") -> None:
+        self.name = name
+        self._core = core
+        self.blocks = {v.name: tuple(v.shape) for v in core.variables}
+        self.limits = {v.name: Limits(v.causality, v.variability, v.minimum, v.maximum) for v in core.variables}
+        for block, value in (parameters or {}).items():
+            core.set(block, self.checked(block, value, start=True))
+
+    def set(self, block: str, values: Any) -> None:
+        """See Participant."""
+        self._core.set(block, self.checked(block, values))
+
+    def step(self, t: float, dt: float) -> None:
+        """See Participant."""
+        try:
+            self._core.step(t, dt)
+        except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
+            raise StepFailed(str(error)) from error
+
+    def get(self, block: str) -> np.ndarray:
+        """See Participant."""
+        self.shape(block)
+        return np.array(self._core.get(block), dtype=float)
+
+    def save(self) -> Any:
+        """See Participant."""
+        return self._core.save()
+
+    def restore(self, state: Any) -> None:
+        """See Participant."""
+        self._core.restore(state)
+
+    def free(self, state: Any) -> None:
+        """See Participant."""
+
+
+# fmpy's proxy, which formats what an FMU logs, keeps one callback for the whole process: ours is made current before
+# every call, lives for ever, and finds the participant by the environment pointer that FMI hands through.
+_LISTENERS: "weakref.WeakValueDictionary[int, FmuParticipant]" = weakref.WeakValueDictionary()
+_NUMBERS = itertools.count(1)
+
+
+def _hear(environment: int, _instance: bytes, status: int, _category: bytes, message: bytes) -> None:
+    participant = _LISTENERS.get(environment)
+    if participant is not None and message is not None:
+        participant.hear(status, message.decode("utf-8", "replace"))
+
+
+_LOGGER = fmi2CallbackLoggerTYPE(_hear)
+_PROXIED = fmi2CallbackFunctions()
+_PROXIED_POINTER = byref(_PROXIED)
+_WARNING, _DISCARD, _FATAL = 1, 2, 4  # fmi2Status
+
+
+class _Channel:
+    """The C arrays of one block: value references, a buffer, and numpy's view of the buffer."""
+
+    def __init__(self, dll: Any, component: int, scalars: list[Any], shape: tuple[int, ...]) -> None:
+        kind = {"Enumeration": "Integer"}.get(scalars[0].type, scalars[0].type)
+        self.set_, self.get_ = getattr(dll, f"fmi2Set{kind}"), getattr(dll, f"fmi2Get{kind}")
+        number = c_double if kind == "Real" else c_int
+        self.values = np.zeros(shape, dtype=np.dtype(number))
+        self.count = len(scalars)
+        references = (c_uint * self.count)(*(scalar.valueReference for scalar in scalars))
+        pointer = ctypes.cast(self.values.ctypes.data, ctypes.POINTER(number))
+        self.arguments = component, ctypes.cast(references, ctypes.POINTER(c_uint)), self.count, pointer
+
+
+def _needed(path: str) -> bool:
+    """Whether a file of an FMU is of use here: the binaries of other platforms are not."""
+    return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
+
+
+class FmuParticipant(Blocks):
+    """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
+
+    `parameters` (block -> value) are start values of parameters and inputs. What the FMU logs is kept, not printed:
+    `messages` holds the last (status, sentence) pairs.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        parameters: Mapping[str, Any] | None = None,
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+    ) -> None:
+        self.name = Path(path).name
+        self.messages: deque[tuple[int, str]] = deque(maxlen=50)
+        if not Path(path).is_file():
+            raise ValueError(f"There is no FMU {path}.")
+        self._folder = tempfile.mkdtemp(prefix="fmu_")
+        self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._states: dict[int, c_void_p] = {}
+        self._initialised = self._dead = False
+        self._fmu: FMU2Slave | None = None
+        try:
+            self._load(path)
+            for block, value in (parameters or {}).items():
+                self._put(block, self.checked(block, value, start=True))
+            dll, defined = self._fmu.dll, stop_time is not None
+            self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
+            self._require(dll.fmi2EnterInitializationMode, self._component)
+            self._require(dll.fmi2ExitInitializationMode, self._component)
+            self._initialised = True
+        except BaseException:
+            self.close()
+            raise
+
+    def _load(self, path: str | Path) -> None:
+        """Unpack, describe and instantiate."""
+        try:
+            extract(str(path), self._folder, include=_needed)
+            description = read_model_description(self._folder, validate=False)
+        except Exception as error:
+            raise ValueError(f"{path} is not a readable FMU: {error}") from error
+        if description.fmiVersion != "2.0" or description.coSimulation is None:
+            raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
+        self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
+        self._scalars = grouped(description.modelVariables)
+        self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
+        self.limits = {name: described_limits(*block) for name, block in self._scalars.items()}
+        self._channels: dict[str, _Channel] = {}
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger, callbacks.componentEnvironment = _LOGGER, next(_NUMBERS)
+        callbacks.allocateMemory = type(callbacks.allocateMemory)(calloc)
+        callbacks.freeMemory = type(callbacks.freeMemory)(free)
+        addLoggerProxy(byref(callbacks))
+        _LISTENERS[callbacks.componentEnvironment] = self
+        self._worst, self._reason = 0, ""
+        before = os.getcwd()
+        try:
+            fmu = FMU2Slave(
+                guid=description.guid,
+                modelIdentifier=description.coSimulation.modelIdentifier,
+                unzipDirectory=self._folder,
+                requireFunctions=False,
+            )
+            fmu.instantiate(callbacks=callbacks, loggingOn=True)
+        except Exception as error:
+            raise ValueError(f"{path} cannot be instantiated: {self._reason or error}") from error
+        finally:
+            os.chdir(before)  # fmpy leaves the working directory when a library does not load
+        self._fmu, self._component = fmu, fmu.component
+        self._step = fmu.dll.fmi2DoStep
+
+    def hear(self, status: int, message: str) -> None:
+        """Take a message of the FMU."""
+        self.messages.append((status, message))
+        if status >= self._worst:
+            self._worst, self._reason = status, message
+
+    def _call(self, function: Any, *arguments: Any) -> int:
+        """Status of a C call; `_reason` is then the worst of what the FMU logged meanwhile."""
+        if self._fmu is None or self._dead:
+            raise ValueError(f"{self.name} is closed.")
+        self._worst, self._reason = 0, ""
+        _PROXIED.logger = _LOGGER
+        addLoggerProxy(_PROXIED_POINTER)
+        status: int = function(*arguments)
+        if status == _FATAL:
+            self._dead = True  # no further call is allowed, not even the one that frees it
+            raise RuntimeError(f"{self.name} ended with fmi2Fatal: {self._reason or 'no reason logged'}")
+        return status
+
+    def _require(self, function: Any, *arguments: Any) -> None:
+        """A call that has to succeed. A logged error counts too: PythonFMU has no status for it but fmi2Fatal."""
+        status = self._call(function, *arguments)
+        if status > _WARNING or self._worst > _DISCARD:
+            raise ValueError(f"{self.name}: {self._reason or f'status {status} of {function.__name__}'}")
+
+    def _channel(self, block: str) -> _Channel:
+        channel = self._channels.get(block)
+        if channel is None:
+            self.shape(block)
+            assert self._fmu is not None
+            channel = self._channels[block] = _Channel(self._fmu.dll, self._component, *self._scalars[block])
+        return channel
+
+    def _put(self, block: str, array: np.ndarray) -> None:
+        channel = self._channel(block)
+        channel.values[...] = array
+        self._require(channel.set_, *channel.arguments)
+
+    def set(self, block: str, values: Any) -> None:
+        """See Participant."""
+        self._put(block, self.checked(block, values))
+
+    def step(self, t: float, dt: float) -> None:
+        """See Participant."""
+        status = self._call(self._step, self._component, t, dt, not self.saves_state)
+        if status > _WARNING:
+            if self._reason.startswith("KeyboardInterrupt"):
+                raise KeyboardInterrupt
+            raise StepFailed(self._reason or f"{self.name} returned status {status} from fmi2DoStep")
+
+    def get(self, block: str) -> np.ndarray:
+        """See Participant."""
+        channel = self._channel(block)
+        self._require(channel.get_, *channel.arguments)
+        return channel.values.astype(float)
+
+    def save(self) -> c_void_p:
+        """See Participant."""
+        if not self.saves_state:
+            raise ValueError(f"{self.name} cannot save its state: its canGetAndSetFMUstate is false.")
+        state = c_void_p()
+        self._require(self._fmu.dll.fmi2GetFMUstate, self._component, byref(state))
+        self._states[state.value] = state
+        return state
+
+    def restore(self, state: c_void_p) -> None:
+        """See Participant."""
+        if state.value not in self._states:
+            raise ValueError(f"{self.name}: the state is not one of its own, or was freed.")
+        self._require(self._fmu.dll.fmi2SetFMUstate, self._component, state)
+
+    def free(self, state: c_void_p) -> None:
+        """See Participant."""
+        if self._states.pop(state.value, None) is not None:
+            self._require(self._fmu.dll.fmi2FreeFMUstate, self._component, byref(state))
+            state.value = None
+
+    def close(self) -> None:
+        """Free the saved states, terminate, free the instance and remove the unpacked folder."""
+        if self._fmu is not None and not self._dead:
+            for state in list(self._states.values()):
+                self.free(state)
+            if self._initialised:
+                self._call(self._fmu.dll.fmi2Terminate, self._component)
+            self._fmu.freeInstance()
+        self._fmu = None
+        self._remove()

@@ -1,0 +1,96 @@
+"""Springs, tension-only lines and ropes over pulleys: one kernel, because all are a chain of nodes with one tension."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Chains:
+    """Elements of m nodes each: m = 2 springs and lines, m = 3 a rope through one sheave, m = k + 2 through k sheaves.
+
+    `nodes` (e, m) indices along the rope, `l0` (e,) rest length m (0 is allowed for springs), `k` (e,) stiffness N/m of
+    the whole element, `two_way` (e,) bool: also takes compression, `names` (e,).
+    """
+
+    nodes: np.ndarray
+    l0: np.ndarray
+    k: np.ndarray
+    two_way: np.ndarray
+    names: tuple[str, ...] = field(default=())
+
+    def select(self, rows):
+        """The chosen elements."""
+        names = tuple(np.array(self.names, dtype=object)[rows]) if self.names else ()
+        return Chains(self.nodes[rows], self.l0[rows], self.k[rows], self.two_way[rows], names)
+
+
+def _legs(x, chains):
+    d = np.diff(x[chains.nodes], axis=1)  # (e, m-1, 3)
+    l = np.sqrt(np.einsum("eik,eik->ei", d, d))
+    safe = np.where(l > 0.0, l, 1.0)
+    return d / safe[..., None], l, safe
+
+
+def tensions(x, chains):
+    """Tension N (e,) of every element at node positions x (n,3): k <sum of leg lengths - l0>.
+
+    The bracket is the positive part unless the element is two-way (PSM thesis eq. 4.3, engineering strain). A frictionless
+    rope has the same tension in all of its legs.
+    """
+    _, l, _ = _legs(x, chains)
+    return _tension(l, chains)[0]
+
+
+def _tension(l, chains):
+    stretch = l.sum(axis=1) - chains.l0
+    active = chains.two_way | (stretch > 0.0)
+    return np.where(active, chains.k * stretch, 0.0), active
+
+
+def chain_energy(x, chains, weight=None):
+    """Strain energy J of all elements, sum of k <stretch>^2 / 2, each counted `weight` (e,) times."""
+    _, l, _ = _legs(x, chains)
+    t, _ = _tension(l, chains)
+    energy = 0.5 * t * t / chains.k
+    return float(np.sum(energy if weight is None else weight * energy))
+
+
+def _length_gradient(u):
+    """Derivative of the element lengths with respect to their nodes, (e, m, 3), from unit legs u (e, m-1, 3)."""
+    g = np.zeros((u.shape[0], u.shape[1] + 1, 3))
+    g[:, :-1] -= u
+    g[:, 1:] += u
+    return g
+
+
+def chain_forces(x, chains):
+    """Internal forces N (e, m, 3) on the nodes of every element: the gradient of its strain energy, T dL/dx."""
+    u, l, _ = _legs(x, chains)
+    t, _ = _tension(l, chains)
+    return t[:, None, None] * _length_gradient(u)
+
+
+def chain_forces_and_tangents(x, chains):
+    """Internal forces (e, m, 3) N and consistent tangents (e, 3m, 3m) N/m.
+
+    K = k g g^T + T d2L/dx2, with g = dL/dx over all nodes of the rope, which couples its legs, and per leg
+    d2l/dx2 = (I - u u^T) / l. A slack element gives zeros; a spring of zero rest length gives k I even at zero length.
+    """
+    u, l, safe = _legs(x, chains)
+    t, active = _tension(l, chains)
+    g = _length_gradient(u)
+    e, m, _ = g.shape
+    flat = g.reshape(e, 3 * m)
+    tangent = (chains.k * active)[:, None, None] * (flat[:, :, None] * flat[:, None, :])
+    per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
+    if m == 2:
+        per_length[:, 0] = np.where((l[:, 0] == 0.0) & (chains.l0 == 0.0), chains.k, per_length[:, 0])
+    geometric = per_length[..., None, None] * (np.eye(3) - u[..., :, None] * u[..., None, :])  # (e, m-1, 3, 3)
+    blocks = tangent.reshape(e, m, 3, m, 3)
+    for i in range(m - 1):
+        blocks[:, i, :, i, :] += geometric[:, i]
+        blocks[:, i + 1, :, i + 1, :] += geometric[:, i]
+        blocks[:, i, :, i + 1, :] -= geometric[:, i]
+        blocks[:, i + 1, :, i, :] -= geometric[:, i]
+    return t[:, None, None] * g, tangent

@@ -1,0 +1,137 @@
+"""Static equilibrium: Newton on the true residual, globalised so that slack members and mechanisms do no harm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse.linalg as spla
+
+from .assembly import Assembly
+from .chains import Chains
+from .structure import Loads
+
+# The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
+# nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
+SMALLEST_SHIFT = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, and the residual norms N met on the way."""
+
+    x: np.ndarray
+    status: str
+    iterations: int
+    residuals: tuple[float, ...]
+
+    @property
+    def converged(self):
+        """Whether the residual met the tolerance."""
+        return self.status == "converged"
+
+    @property
+    def residual(self):
+        """Norm of the out-of-balance force over the free dofs, N."""
+        return self.residuals[-1]
+
+
+def equilibrium(
+    assembly: Assembly,
+    chains: tuple[Chains, ...],
+    loads: Loads,
+    x0: np.ndarray,
+    atol: float = 1e-6,
+    rtol: float = 0.0,
+    max_iterations: int = 200,
+    step_limit: float = 1.0,
+) -> Equilibrium:
+    """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
+
+    Newton on K + mu S, S the mean stiffness. The shift mu is tied to the residual and adapts to how well the step did
+    (Levenberg-Marquardt; quadratic convergence at the end also with mechanisms). Steps are capped at `step_limit` m per
+    node, and shortened until the out-of-balance force along them no longer grows: for tension-only members under dead
+    loads that is a line search on a convex energy, and it needs no energy, so follower loads may take part.
+    """
+    u = assembly.unknowns
+    prepared = assembly.prepare(chains, loads)
+    q = u.restrict(x0)
+    r, k, external = assembly.residual_and_tangent(q, prepared)
+    norm = float(np.linalg.norm(r))
+    norms = [norm]
+    damping = 0.0 if norm < 1e3 * (atol + rtol * external) else 1.0
+    status = "max_iterations"
+    rejected = 0
+    for _ in range(max_iterations + 1):
+        if norm <= atol + rtol * external:
+            status = "converged"
+            break
+        if not np.isfinite(norm):
+            status = "not_finite"
+            break
+        if len(norms) > max_iterations:
+            break
+        step, mu = _step(k, r, norm, damping, external, assembly)
+        longest = float(np.abs(step).max())
+        if longest > step_limit:
+            step *= step_limit / longest
+        s, q_new, r_new, accepted = _along(assembly, prepared, q, r, step)
+        if not accepted:
+            damping = max(10.0 * damping, 1e-3)
+            rejected += 1
+            if rejected > 30:
+                status = "stalled"
+                break
+            continue
+        rejected = 0
+        new_norm = float(np.linalg.norm(r_new))
+        if s == 1.0:
+            damping = 0.2 * damping if damping > 1e-8 else 0.0
+        elif s < 0.3:
+            damping = max(4.0 * damping, 1e-4)
+        q = q_new
+        r, k, external = assembly.residual_and_tangent(q, prepared)
+        norm = new_norm
+        norms.append(norm)
+    return Equilibrium(u.expand(q), status, len(norms) - 1, tuple(norms))
+
+
+def _step(k, r, norm, damping, external, assembly):
+    """Newton step of the shifted tangent; the shift grows until the step goes downhill (-r.d > 0)."""
+    mean = float(np.abs(k.data[assembly.diagonal]).mean())
+    mu = max(damping * min(norm / max(external, 1e-30), 1.0), SMALLEST_SHIFT)
+    while True:
+        shifted = k.copy()
+        shifted.data[assembly.diagonal] += mu * mean
+        try:
+            step = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-r)
+        except RuntimeError:  # exactly singular
+            step = np.full_like(r, np.nan)
+        if np.all(np.isfinite(step)) and float(step @ r) < 0.0:
+            return step, mu
+        if mu > 1e6:
+            return -r / mean, mu
+        mu = max(10.0 * mu, 1e-6)
+
+
+def _along(assembly, prepared, q, r, step):
+    """Longest tried fraction s of the step along which r.d has not grown past zero too far, and the residual there."""
+    slope = float(r @ step)
+    norm = np.linalg.norm(r)
+    s, low, high = 1.0, 0.0, None
+    best = None
+    for _ in range(12):
+        trial = q + s * step
+        r_new, _ = assembly.residual(trial, prepared)
+        slope_new = float(r_new @ step)
+        if np.isfinite(slope_new) and (abs(slope_new) <= 0.9 * abs(slope) or np.linalg.norm(r_new) < 0.5 * norm):
+            return s, trial, r_new, True
+        if np.isfinite(slope_new) and slope_new < 0.0:  # still downhill: fine unless the step is capped; take it
+            return s, trial, r_new, True
+        high = s
+        s = low + 0.3 * (high - low) if not np.isfinite(slope_new) else _secant(slope, slope_new, high)
+        best = trial, r_new
+    return s, best[0], best[1], False
+
+
+def _secant(slope, slope_new, high):
+    s = high * slope / (slope - slope_new)
+    return min(max(s, 0.1 * high), 0.7 * high)

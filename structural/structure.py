@@ -1,0 +1,120 @@
+"""A structure: nodes, masses, supports, chains, and the linear map from its nodes to the interface surface."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from .chains import Chains
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Everything that does not change while loads and rest lengths do.
+
+    `nodes` (n,3) reference positions m, `mass` (n,) lumped kg, `fixed` (n,3) bool supported directions, `chains` groups of
+    elements with equally many nodes, `surface` (s, n) sparse weights with surface nodes = surface @ nodes, `panels`
+    (p,4) surface node indices (a triangle repeats its last one).
+    """
+
+    nodes: np.ndarray
+    mass: np.ndarray
+    fixed: np.ndarray
+    chains: tuple[Chains, ...]
+    surface: sp.csr_array
+    panels: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels (None: not there), `gravity` (3,) m/s^2."""
+
+    pressure: np.ndarray
+    shear: np.ndarray | None
+    gravity: np.ndarray
+
+
+def mirror_permutation(points, tolerance=1e-6):
+    """Index of the mirror image in the plane y = 0 of every point (n,), or None if one has none within `tolerance` m."""
+    from scipy.spatial import cKDTree
+
+    distance, index = cKDTree(points).query(points * np.array([1.0, -1.0, 1.0]))
+    if np.max(distance) > tolerance or len(np.unique(index)) != len(points):
+        return None
+    return index
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Which dofs are solved for: x = base + sign * q[index] where index >= 0, so that x.flat = expand(q).
+
+    Without symmetry `index` counts the free dofs. With it only the half y >= 0 is unknown: the other half follows with
+    the sign of y turned, and y = 0 in the plane itself is a consequence, not a support.
+    """
+
+    index: np.ndarray  # (3n,) int, -1 for known dofs
+    sign: np.ndarray  # (3n,) +-1
+    base: np.ndarray  # (3n,) m, known positions
+    first: np.ndarray  # (q,) the dof that stands for each unknown
+
+    @property
+    def count(self):
+        """Number of unknowns."""
+        return len(self.first)
+
+    def expand(self, q):
+        """Node positions (n,3) from the unknowns (q,)."""
+        x = self.base.copy()
+        known = self.index >= 0
+        x[known] = self.sign[known] * q[self.index[known]]
+        return x.reshape(-1, 3)
+
+    def restrict(self, x):
+        """Unknowns (q,) of node positions (n,3)."""
+        return x.reshape(-1)[self.first]
+
+    def gather(self, f):
+        """Generalised forces (q,) of nodal forces (n,3)."""
+        known = self.index >= 0
+        return np.bincount(self.index[known], (self.sign * f.reshape(-1))[known], minlength=self.count)
+
+
+def unknowns(nodes, fixed, mirror=None):
+    """Unknowns of a structure with reference `nodes` (n,3), supports `fixed` (n,3), and its `mirror` permutation if any."""
+    n = len(nodes)
+    dof = np.arange(3 * n).reshape(n, 3)
+    sign = np.ones((n, 3))
+    master = dof.copy()
+    known = fixed.copy()
+    if mirror is not None:
+        other = (nodes[:, 1] < 0.0) | ((nodes[:, 1] == 0.0) & (mirror < np.arange(n)))
+        in_plane = mirror == np.arange(n)
+        master[other] = dof[mirror[other]]
+        sign[other, 1] = -1.0
+        known |= fixed[mirror]
+        known[in_plane, 1] = True
+    own = (~known) & (master == dof)
+    first = dof[own]
+    number = np.full(3 * n, -1)
+    number[first] = np.arange(len(first))
+    index = np.where(known, -1, number[master])
+    base = np.where(known, nodes, 0.0)
+    if mirror is not None:
+        base[mirror == np.arange(n), 1] = np.where(fixed[mirror == np.arange(n), 1], base[mirror == np.arange(n), 1], 0.0)
+    return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first)
+
+
+def unique_half(groups, mirror):
+    """Rows of each group of node tuples (e,m) that remain under mirror symmetry, and how often each counts (1 or 2).
+
+    An element and its image are one; the image may list its nodes in any rotation or in reverse.
+    """
+    kept = []
+    for nodes in groups:
+        key = np.sort(nodes, axis=1)
+        image = np.sort(mirror[nodes], axis=1)
+        self_image = np.all(key == image, axis=1)
+        smaller = np.array([tuple(a) <= tuple(b) for a, b in zip(key, image, strict=True)], dtype=bool)
+        rows = np.flatnonzero(smaller)
+        kept.append((rows, np.where(self_image[rows], 1.0, 2.0)))
+    return kept

@@ -1,0 +1,91 @@
+"""Follower pressure and dead-direction shear on four-node (or collapsed three-node) surface panels."""
+
+import numpy as np
+
+# int N_i N_j over the unit square, and the corner normals n_j = (x_{j+1} - x_j) x (x_{j-1} - x_j) of a bilinear panel
+# written as sums of x_k x x_l: together A_i = 1/2 sum_kl SHARE[i,k,l] x_k x x_l is int N_i n dA, exactly.
+_MASS = np.array([[4, 2, 1, 2], [2, 4, 2, 1], [1, 2, 4, 2], [2, 1, 2, 4]]) / 36.0
+
+
+def _share_matrix():
+    corner = np.zeros((4, 4, 4))
+    for j in range(4):
+        after, before = (j + 1) % 4, (j - 1) % 4
+        for k, l in ((after, before), (before, j), (j, after)):
+            corner[j, k, l] += 1.0
+            corner[j, l, k] -= 1.0
+    return np.einsum("ij,jkl->ikl", _MASS, corner)
+
+
+SHARE = _share_matrix()
+AREA = SHARE.sum(axis=0)
+
+
+def area_vectors(corners):
+    """Area vectors m^2 (p,3) of panels with corner points (p,4,3): half the cross product of the diagonals."""
+    return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+
+
+def corner_shares(corners):
+    """Share of every corner in the panel force (p,4), summing to one: int N_i dA over the bilinear panel, along a."""
+    moments = 0.5 * np.einsum("ikl,pklc->pic", SHARE, np.cross(corners[:, :, None], corners[:, None, :]))
+    a = area_vectors(corners)
+    return np.einsum("pic,pc->pi", moments, a) / np.einsum("pc,pc->p", a, a)[:, None]
+
+
+def surface_forces(corners, pressure, shear=None):
+    """Forces N on the corners of every panel (p,4,3): (p a + s |a|) shared by `corner_shares`.
+
+    `pressure` (p,) Pa pushes along the area vector a and follows it; `shear` (p,3) Pa keeps its global direction.
+    """
+    a = area_vectors(corners)
+    force = pressure[:, None] * a
+    if shear is not None:
+        force = force + shear * np.linalg.norm(a, axis=1)[:, None]
+    return corner_shares(corners)[:, :, None] * force[:, None, :]
+
+
+def _spin(v):
+    """Matrices [v]x with [v]x w = v x w, (..., 3, 3)."""
+    s = np.zeros((*v.shape[:-1], 3, 3))
+    s[..., 0, 1], s[..., 0, 2], s[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    s[..., 1, 0], s[..., 2, 0], s[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return s
+
+
+def surface_forces_and_tangents(corners, pressure, shear=None):
+    """Corner forces N (p,4,3) and their derivative with respect to the corners (p,12,12) N/m (load stiffness, sign +).
+
+    d a = 1/2 sum_k dx_k x y_k with y_k = sum_l AREA[k,l] x_l, likewise for the moments A_i, so that both the turning
+    of the force and the shift of its application point within the panel are exact.
+    """
+    origin = corners.mean(axis=1, keepdims=True)  # shares and areas do not depend on it; this keeps digits
+    c = corners - origin
+    y_i = np.einsum("ikl,plc->pikc", SHARE, c)  # (p, i, k, 3)
+    y = np.einsum("kl,plc->pkc", AREA, c)
+    moments = 0.5 * np.einsum("pkc,pikd->picd", c, y_i)  # outer products, antisymmetrised below
+    moments = np.stack(
+        [
+            moments[..., 1, 2] - moments[..., 2, 1],
+            moments[..., 2, 0] - moments[..., 0, 2],
+            moments[..., 0, 1] - moments[..., 1, 0],
+        ],
+        axis=-1,
+    )
+    a = moments.sum(axis=1)
+    a2 = np.einsum("pc,pc->p", a, a)
+    w = np.einsum("pic,pc->pi", moments, a) / a2[:, None]
+    force = pressure[:, None] * a
+    d_force = -pressure[:, None, None, None] * _spin(y)  # (p, k, 3, 3)
+    y_a = np.cross(y, a[:, None])  # (p, k, 3) = d(a.a)/2 / dx_k
+    if shear is not None:
+        norm = np.sqrt(a2)
+        force = force + shear * norm[:, None]
+        d_force = d_force + shear[:, None, :, None] * (y_a / norm[:, None, None])[:, :, None, :]
+    # d w_i / d x_k = (y_ik x a + y_k x A_i - 2 w_i y_k x a) / a.a
+    d_w = np.cross(y_i, a[:, None, None]) + np.cross(y[:, None], moments[:, :, None])
+    d_w = (d_w - 2.0 * w[:, :, None, None] * y_a[:, None]) / a2[:, None, None, None]
+    tangent = w[:, :, None, None, None] * d_force.transpose(0, 2, 1, 3)[:, None]  # (p, i, 3, k, 3)
+    tangent = tangent + force[:, None, :, None, None] * d_w[:, :, None, :, :]
+    p = len(corners)
+    return w[:, :, None] * force[:, None, :], tangent.reshape(p, 12, 12)
