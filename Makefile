@@ -42,7 +42,8 @@ clean: ## remove .venv, results, caches and build artefacts
 
 $(stamp): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" && "$(PYTHON)" -c '$(new_enough)' 2>/dev/null || { \
-	    echo "kitecosim needs Python 3.11 or newer$(if $(PYTHON), and $(PYTHON) is not); name one: make PYTHON=python3.12" >&2; exit 1; }
+	    echo "kitecosim needs Python 3.11 or newer$(if $(PYTHON), and $(PYTHON) is not); name one: make PYTHON=python3.12" >&2; \
+	    exit 1; }
 	@if test -f $@ && test "$$(cat $@)" != "$(CURDIR)" || ! $(venv)/bin/python -c '$(new_enough)' 2>/dev/null; then \
 	    echo "making $(venv)"; "$(PYTHON)" -m venv --clear $(venv); fi
 	@echo "installing the pinned versions, about a minute"

@@ -1,6 +1,6 @@
 """Vortex-step method on a deformed wing: from interface nodes to pressures, shears and coefficients."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -63,6 +63,10 @@ class VortexStep:
         n = len(self.grid.sections) - 1
         object.__setattr__(self, "mirror", np.arange(n)[::-1])
         object.__setattr__(self, "_panels", self.grid.panels)
+
+    def in_air(self, density):
+        """The same wing in air of this density kg/m^3."""
+        return self if density == self.density else replace(self, density=density)
 
     def loads(self, nodes, wind, start=None, symmetric=False):
         """Loads for interface `nodes` (s,3) m in the `wind` (3,) m/s, from the circulation `start` (n,) if there is one.

@@ -52,9 +52,9 @@ def _share_modules(resources: Path) -> None:
         if package is None or not folder.is_dir():
             continue
         for gone in [path for path in package.__path__ if not Path(path).is_dir()]:
-            package.__path__.remove(gone)  # type: ignore[attr-defined]
+            package.__path__.remove(gone)
         if str(folder) not in package.__path__:
-            package.__path__.append(str(folder))  # type: ignore[attr-defined]
+            package.__path__.append(str(folder))
 
 
 class CoreFmu(Fmi2Slave):

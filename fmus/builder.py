@@ -28,16 +28,17 @@ EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every e
 PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title></head><body>
 <h1>{title}</h1>
-<p>FMI 2.0 co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A step that the solver cannot
-complete returns fmi2Discard and logs the reason. The complete state can be saved, restored and serialised.</p>
+<p>FMI 2.0 co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A step that the solver
+cannot complete returns fmi2Discard and logs the reason. The complete state can be saved, restored and serialised.</p>
 <h2>Variables</h2>
 <table border="1"><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
 {rows}
 </table>
 <h2>External dependencies</h2>
-<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs nothing else if these are
-installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared library (for example
-/usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages with numpy and scipy.</p>
+<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs nothing else if these
+are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared library (for example
+/usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages with numpy and
+scipy.</p>
 </body></html>
 """
 
@@ -57,7 +58,7 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
         raise ValueError(f"Scene {scene.name} has no parameter {unknown[0]!r}; its parameters are {known}.")
     contents = {}
     for side, slave in sides:
-        own = {name: np.asarray(value, dtype=float).tolist() for name, value in given.items() if name in names[side]}
+        own = {name: _numbers(name, value) for name, value in given.items() if name in names[side]}
         for name, value in own.items():
             cores[side].set(name, np.array(value))
         contents[f"{scene.name}_{side}"] = _scene_fmu(f"{scene.name}_{side}", slave, cores[side], scene, own)
@@ -65,6 +66,14 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
     out.mkdir(parents=True, exist_ok=True)
     structural, aero = (_written(out / f"{name}.fmu", content) for name, content in contents.items())
     return structural, aero
+
+
+def _numbers(name: str, value: Any) -> Any:
+    """A number or nested lists of numbers, as JSON takes them."""
+    try:
+        return np.asarray(value, dtype=float).tolist()
+    except (TypeError, ValueError):
+        raise ValueError(f"Parameter {name!r} takes a number, not {value!r}.") from None
 
 
 def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, parameters: Mapping[str, Any]) -> bytes:

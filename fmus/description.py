@@ -60,7 +60,9 @@ def add_variables(root: Element, variables: Sequence[Variable], start: Mapping[s
     listed, structure = root.find("ModelVariables"), root.find("ModelStructure")
     if listed is None or structure is None:
         raise ValueError("The model description lacks ModelVariables or ModelStructure.")
-    known, unknown, count = [], [], 0
+    known: list[int] = []
+    unknown: list[int] = []
+    count = 0
     for variable in variables:
         places = range(count + 1, count + 1 + variable.size)  # FMI counts from 1 here
         known.extend(places if variable.causality == "parameter" else [])
@@ -92,6 +94,7 @@ def _add_scalars(variables: Element, variable: Variable, first: int, start: list
         bounds = {"min": variable.minimum, "max": variable.maximum}
         limits |= {name: text(float(bound)) for name, bound in bounds.items() if bound is not None}
     for offset, (name, value) in enumerate(zip(scalar_names(variable), start, strict=True)):
-        scalar = SubElement(variables, "ScalarVariable", name=name, valueReference=str(first + offset), **attributes)
+        identity = {"name": name, "valueReference": str(first + offset)}
+        scalar = SubElement(variables, "ScalarVariable", identity | attributes)
         given = {"start": text(value)} if variable.causality != "output" else {}
         SubElement(scalar, variable.kind.capitalize(), limits | given)

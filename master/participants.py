@@ -3,6 +3,7 @@
 An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one C call a block on prebuilt arrays.
 """
 
+import contextlib
 import ctypes
 import itertools
 import os
@@ -122,10 +123,9 @@ class _Channel:
         self.set_, self.get_ = getattr(dll, f"fmi2Set{kind}"), getattr(dll, f"fmi2Get{kind}")
         number = c_double if kind == "Real" else c_int
         self.values = np.zeros(shape, dtype=np.dtype(number))
-        self.count = len(scalars)
-        references = (c_uint * self.count)(*(scalar.valueReference for scalar in scalars))
+        references = (c_uint * len(scalars))(*(scalar.valueReference for scalar in scalars))
         pointer = ctypes.cast(self.values.ctypes.data, ctypes.POINTER(number))
-        self.arguments = component, ctypes.cast(references, ctypes.POINTER(c_uint)), self.count, pointer
+        self.arguments = component, ctypes.cast(references, ctypes.POINTER(c_uint)), len(scalars), pointer
 
 
 def _needed(path: str) -> bool:
@@ -153,14 +153,14 @@ class FmuParticipant(Blocks):
             raise ValueError(f"There is no FMU {path}.")
         self._folder = tempfile.mkdtemp(prefix="fmu_")
         self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
-        self._states: dict[int, c_void_p] = {}
-        self._initialised = self._dead = False
-        self._fmu: FMU2Slave | None = None
+        self._states: dict[int | None, c_void_p] = {}
+        self._initialised = False
+        self._fmu: Any = None  # of fmpy, while it is alive
         try:
             self._load(path)
             for block, value in (parameters or {}).items():
                 self._put(block, self.checked(block, value, start=True))
-            dll, defined = self._fmu.dll, stop_time is not None
+            dll, defined = self._alive(), stop_time is not None
             self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
             self._require(dll.fmi2EnterInitializationMode, self._component)
             self._require(dll.fmi2ExitInitializationMode, self._component)
@@ -192,12 +192,8 @@ class FmuParticipant(Blocks):
         self._worst, self._reason = 0, ""
         before = os.getcwd()
         try:
-            fmu = FMU2Slave(
-                guid=description.guid,
-                modelIdentifier=description.coSimulation.modelIdentifier,
-                unzipDirectory=self._folder,
-                requireFunctions=False,
-            )
+            where = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": self._folder}
+            fmu = FMU2Slave(guid=description.guid, requireFunctions=False, **where)
             fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
             raise ValueError(f"{path} cannot be instantiated: {self._reason or error}") from error
@@ -212,16 +208,21 @@ class FmuParticipant(Blocks):
         if status >= self._worst:
             self._worst, self._reason = status, message
 
+    def _alive(self) -> Any:
+        """The C functions."""
+        if self._fmu is None:
+            raise ValueError(f"{self.name} is closed.")
+        return self._fmu.dll
+
     def _call(self, function: Any, *arguments: Any) -> int:
         """Status of a C call; `_reason` is then the worst of what the FMU logged meanwhile."""
-        if self._fmu is None or self._dead:
-            raise ValueError(f"{self.name} is closed.")
+        self._alive()
         self._worst, self._reason = 0, ""
         _PROXIED.logger = _LOGGER
         addLoggerProxy(_PROXIED_POINTER)
         status: int = function(*arguments)
         if status == _FATAL:
-            self._dead = True  # no further call is allowed, not even the one that frees it
+            self._fmu = None  # no further call is allowed, not even the one that frees it
             raise RuntimeError(f"{self.name} ended with fmi2Fatal: {self._reason or 'no reason logged'}")
         return status
 
@@ -235,8 +236,7 @@ class FmuParticipant(Blocks):
         channel = self._channels.get(block)
         if channel is None:
             self.shape(block)
-            assert self._fmu is not None
-            channel = self._channels[block] = _Channel(self._fmu.dll, self._component, *self._scalars[block])
+            channel = self._channels[block] = _Channel(self._alive(), self._component, *self._scalars[block])
         return channel
 
     def _put(self, block: str, array: np.ndarray) -> None:
@@ -267,7 +267,7 @@ class FmuParticipant(Blocks):
         if not self.saves_state:
             raise ValueError(f"{self.name} cannot save its state: its canGetAndSetFMUstate is false.")
         state = c_void_p()
-        self._require(self._fmu.dll.fmi2GetFMUstate, self._component, byref(state))
+        self._require(self._alive().fmi2GetFMUstate, self._component, byref(state))
         self._states[state.value] = state
         return state
 
@@ -275,21 +275,22 @@ class FmuParticipant(Blocks):
         """See Participant."""
         if state.value not in self._states:
             raise ValueError(f"{self.name}: the state is not one of its own, or was freed.")
-        self._require(self._fmu.dll.fmi2SetFMUstate, self._component, state)
+        self._require(self._alive().fmi2SetFMUstate, self._component, state)
 
     def free(self, state: c_void_p) -> None:
         """See Participant."""
         if self._states.pop(state.value, None) is not None:
-            self._require(self._fmu.dll.fmi2FreeFMUstate, self._component, byref(state))
+            self._require(self._alive().fmi2FreeFMUstate, self._component, byref(state))
             state.value = None
 
     def close(self) -> None:
-        """Free the saved states, terminate, free the instance and remove the unpacked folder."""
-        if self._fmu is not None and not self._dead:
+        """Free the saved states, terminate, free the instance and remove the unpacked folder; once is enough."""
+        with contextlib.suppress(ValueError, RuntimeError):
             for state in list(self._states.values()):
                 self.free(state)
             if self._initialised:
-                self._call(self._fmu.dll.fmi2Terminate, self._component)
+                self._call(self._alive().fmi2Terminate, self._component)
+        if self._fmu is not None:
             self._fmu.freeInstance()
         self._fmu = None
         self._remove()

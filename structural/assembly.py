@@ -124,7 +124,7 @@ class Assembly:
     def prepare(self, chains: tuple[Chains, ...], loads: Loads):
         """The chains and loads of the solved part, and the constant dead forces, for `residual` and `tangent`."""
         shear = None if loads.shear is None else loads.shear[self._panel_rows]
-        weight = self.unknowns.gather(self.structure.mass[:, None] * loads.gravity)
+        weight = self.unknowns.gather(loads.dead)
         return self._parts(chains), loads.pressure[self._panel_rows], shear, weight
 
     def corners(self, x):

@@ -1,4 +1,4 @@
-"""A structure: nodes, masses, supports, chains, and the linear map from its nodes to the interface surface."""
+"""A structure: nodes, supports, chains, and the linear map from its nodes to the interface surface."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,12 @@ from .chains import Chains
 class Structure:
     """Everything that does not change while loads and rest lengths do.
 
-    `nodes` (n,3) reference positions m, `mass` (n,) lumped kg, `fixed` (n,3) bool supported directions, `chains` groups of
+    `nodes` (n,3) reference positions m, `fixed` (n,3) bool supported directions, `chains` groups of
     elements with equally many nodes, `surface` (s, n) sparse weights with surface nodes = surface @ nodes, `panels`
     (p,4) surface node indices (a triangle repeats its last one).
     """
 
     nodes: np.ndarray
-    mass: np.ndarray
     fixed: np.ndarray
     chains: tuple[Chains, ...]
     surface: sp.csr_array
@@ -27,11 +26,11 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels (None: not there), `gravity` (3,) m/s^2."""
+    """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels (None: not there), `dead` (n,3) N on nodes."""
 
     pressure: np.ndarray
     shear: np.ndarray | None
-    gravity: np.ndarray
+    dead: np.ndarray
 
 
 def mirror_permutation(points, tolerance=1e-6):

@@ -1,0 +1,145 @@
+"""The aerodynamic solver of a scene behind blocks: interface displacements in, pressures and shears out."""
+
+import numpy as np
+
+from aero import StripPolars, SurfaceGrid, VortexStep
+
+from .core import Core
+from .variables import StepFailed, Variable
+
+
+class AeroCore(Core):
+    """Quasi-steady loads of a scene's wing in a uniform wind, warm-started from step to step."""
+
+    _hidden = ("_gamma",)
+
+    def __init__(self, scene):
+        content = scene.content["aero"]
+        self._scene = scene
+        self._interface = scene.interface
+        span = self._interface.span
+        self._wing = VortexStep(
+            StripPolars.from_tables(*scene.section_polars(), 0.5 * (span[1:] + span[:-1])),
+            SurfaceGrid(self._interface.sections, self._interface.fractions),
+            induction=content["induction"],
+            direction=content["direction"],
+            section_force=content["section_force"],
+        )
+        self._gamma = None
+        self._about = self._reference_point()
+        super().__init__(tuple(self._declared(content)))
+
+    def _reference_point(self):
+        pivot = self._scene.content["structure"]["pivot"]
+        if pivot is None:
+            return np.zeros(3)
+        members = self._scene.members
+        return members.nodes[members.node(str(pivot), f"{self._scene.name}/scene.toml [structure] pivot")]
+
+    def _declared(self, content):
+        points, panels = len(self._interface.nodes), len(self._interface.panels)
+        strips = len(self._interface.sections) - 1
+        text = "interface displacement from the reference configuration"
+        yield Variable("displacement", (points, 3), unit="m", description=text)
+        p = {"causality": "parameter", "variability": "tunable"}
+        text = "wind speed at the wing"
+        yield Variable("wind_speed", unit="m/s", start=content["wind_speed"], minimum=1e-3, description=text, **p)
+        text = "direction that the wind blows to, global frame, any length above zero"
+        start = np.array(content["wind_direction"], float)
+        yield Variable("wind_direction", (3,), start=start, description=text, **p)
+        yield Variable("air_density", unit="kg/m3", start=content["air_density"], minimum=1e-6, description="air density", **p)
+        start = self._scene.content["structure"]["symmetric"]
+        text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
+        yield Variable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text, **p)
+        o = {"causality": "output"}
+        yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel", **o)
+        if content["section_force"] != "normal":
+            yield Variable("shear", (panels, 3), unit="Pa", description="traction on each interface panel", **o)
+        area = f"on the reference area {content['reference_area']:g} m2"
+        yield Variable("CL", description=f"lift coefficient {area}", **o)
+        yield Variable("CD", description=f"drag coefficient {area}", **o)
+        yield Variable("CS", description=f"side force coefficient {area}", **o)
+        yield Variable("force", (3,), unit="N", description="aerodynamic force on the wing", **o)
+        yield Variable("moment", (3,), unit="N.m", description="aerodynamic moment about the pivot (origin without one)", **o)
+        text = "angle of the mid-span chord to the free stream"
+        yield Variable("alpha_mid", unit="rad", description=text, **o)
+        yield Variable("alpha", (strips,), unit="rad", description="effective angle of attack of each strip", **o)
+        yield Variable("circulation", (strips,), unit="m2/s", description="circulation of each strip", **o)
+        yield Variable("span", unit="m", description="largest extent of the displaced wing across the wind plane (y)", **o)
+        yield Variable("tip_span", unit="m", description="distance between the tips' quarter-chord points", **o)
+        text = "strips whose angle of attack lies beyond the polar table, where its end value is held"
+        yield Variable("strips_beyond_polar", kind="integer", description=text, **o)
+        text = "artificial viscosity in the result, in units of the lost lift slope; 0 below stall"
+        yield Variable("stall_viscosity", description=text, **o)
+        yield Variable("residual", description="norm of the circulation imbalance relative to U c / 2", **o)
+        yield Variable("newton_iterations", kind="integer", description="Newton iterations of the step", **o)
+        yield Variable("symmetry_used", kind="boolean", description="whether the last solve was of one half", **o)
+
+    def _check(self, block, array):
+        if block == "wind_direction" and np.linalg.norm(array) == 0.0:
+            raise ValueError("wind_direction must not be the zero vector.")
+
+    def step(self, t: float, dt: float) -> None:
+        """Loads on the displaced wing; the same input again returns the stored output without solving."""
+        if not self._stale:
+            return
+        nodes = self._interface.nodes + self._values["displacement"]
+        direction = self._values["wind_direction"]
+        direction = direction / np.linalg.norm(direction)
+        speed = self._scalar("wind_speed")
+        symmetric = bool(self._values["symmetric"]) and direction[1] == 0.0 and self._symmetric_shape(nodes)
+        wing = self._wing.in_air(self._scalar("air_density"))
+        with np.errstate(all="ignore"):
+            try:
+                loads = wing.loads(nodes, speed * direction, self._gamma, symmetric)
+            except np.linalg.LinAlgError:
+                loads = None
+        if loads is None or not np.all(np.isfinite(loads.force)):
+            raise StepFailed("the circulation has no finite solution; the displaced wing is degenerate.")
+        if not loads.circulation.converged:
+            raise StepFailed(
+                f"circulation not found in {loads.circulation.newton_iterations} Newton iterations: imbalance "
+                f"{loads.circulation.residual:.2g} of U c / 2."
+            )
+        self._gamma = loads.circulation.gamma
+        self._show(nodes, direction, speed, loads, symmetric)
+        self._stale = False
+
+    def _symmetric_shape(self, nodes):
+        grid = nodes[self._interface.sections]
+        return np.abs(grid[::-1] * np.array([1.0, -1.0, 1.0]) - grid).max() <= 1e-9
+
+    def _show(self, nodes, direction, speed, loads, symmetric):
+        force = loads.total_force()
+        q_area = 0.5 * self._scalar("air_density") * speed**2 * self._scene.content["aero"]["reference_area"]
+        across = np.cross(direction, [0.0, 1.0, 0.0])
+        across /= np.linalg.norm(across)
+        self._put("pressure", loads.pressure)
+        if loads.shear is not None:
+            self._put("shear", loads.shear)
+        self._put("CL", force @ across / q_area)
+        self._put("CD", force @ direction / q_area)
+        self._put("CS", force @ np.cross(across, direction) / q_area)
+        self._put("force", force)
+        self._put("moment", loads.total_moment(self._about))
+        self._put("alpha_mid", self._mid_span_angle(nodes, direction))
+        circulation = loads.circulation
+        self._put("alpha", circulation.alpha)
+        self._put("circulation", circulation.gamma)
+        self._put("span", np.ptp(nodes[:, 1]))
+        bound = loads.strips.bound
+        self._put("tip_span", np.linalg.norm(bound[-1] - bound[0]))
+        self._put("strips_beyond_polar", np.count_nonzero(circulation.outside))
+        self._put("stall_viscosity", circulation.viscosity)
+        self._put("residual", circulation.residual)
+        self._put("newton_iterations", circulation.newton_iterations)
+        self._put("symmetry_used", float(symmetric))
+
+    def _mid_span_angle(self, nodes, direction):
+        """Angle of the chord at the middle of the span (mean of the middle sections) to the wind, rad."""
+        sections = nodes[self._interface.sections]
+        n = len(sections)
+        middle = 0.5 * (sections[(n - 1) // 2] + sections[n // 2])
+        chord = middle[2] - middle[0]
+        up = np.cross(direction, [0.0, 1.0, 0.0])
+        return np.arctan2(-chord @ up, chord @ direction)

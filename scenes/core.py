@@ -1,0 +1,87 @@
+"""What both solver cores share: blocks of values with checks, stored outputs, complete state."""
+
+from typing import Any
+
+import numpy as np
+
+from .variables import Variable
+
+
+class Core:
+    """Values of a core's variables and the rules for setting them; subclasses add `step`.
+
+    The state is everything that later steps depend on: all values and what subclasses name in `_hidden`. Caches that
+    follow from these are not part of it.
+    """
+
+    _hidden: tuple[str, ...] = ()
+
+    def __init__(self, variables: tuple[Variable, ...]):
+        self.variables = variables
+        self._by_name = {v.name: v for v in variables}
+        self._values = {v.name: np.array(np.broadcast_to(v.start, v.shape), dtype=float) for v in variables}
+        self._stale = True
+
+    def set(self, block: str, values: Any) -> None:
+        """Copy `values` into an input or parameter; `ValueError` in one sentence if they do not fit, nothing set then."""
+        variable = self._by_name.get(block)
+        if variable is None or variable.causality == "output":
+            known = ", ".join(v.name for v in self.variables if v.causality != "output")
+            raise ValueError(f"there is no input or parameter '{block}'; there are: {known}.")
+        try:
+            array = np.array(values, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{block} must be numeric, not {values!r}.") from None
+        if array.shape != variable.shape:
+            raise ValueError(f"{block} has shape {variable.shape}, not {array.shape}.")
+        if not np.all(np.isfinite(array)):
+            raise ValueError(f"{block} must be finite; it contains NaN or infinity.")
+        low, high = variable.minimum, variable.maximum
+        if (low is not None and array.min(initial=low) < low) or (high is not None and array.max(initial=high) > high):
+            bounds = f"at least {low:g}" if high is None else f"between {low:g} and {high:g}"
+            raise ValueError(f"{block} must be {bounds}; it is {array.min() if array.size else array:g}.")
+        self._check(block, array)
+        if not np.array_equal(array, self._values[block]):
+            self._values[block] = array
+            self._stale = True
+            if variable.causality == "parameter":
+                self._parameter_changed(block)
+
+    def get(self, block: str) -> np.ndarray:
+        """A copy of the present values of any block, in its shape."""
+        if block not in self._values:
+            raise ValueError(f"there is no block '{block}'; there are: {', '.join(self._values)}.")
+        return self._values[block].copy()
+
+    def save(self) -> dict[str, Any]:
+        """The complete state; later changes of the core leave it alone."""
+        state = {k: v.copy() for k, v in self._values.items()}
+        hidden = {k: _copy(getattr(self, k)) for k in self._hidden}
+        return {"values": state, "hidden": hidden, "stale": self._stale}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Return to a saved state; the next steps repeat bitwise."""
+        self._values = {k: v.copy() for k, v in state["values"].items()}
+        for key, value in state["hidden"].items():
+            setattr(self, key, _copy(value))
+        self._stale = state["stale"]
+        self._restored()
+
+    def _check(self, block: str, array: np.ndarray) -> None:
+        """Raise ValueError for values that only the subclass can judge."""
+
+    def _parameter_changed(self, block: str) -> None:
+        """Drop what was derived from a parameter."""
+
+    def _restored(self) -> None:
+        """Drop what was derived from values that have just been replaced."""
+
+    def _put(self, block: str, values: Any) -> None:
+        self._values[block] = np.array(np.broadcast_to(values, self._by_name[block].shape), dtype=float)
+
+    def _scalar(self, block: str) -> float:
+        return float(self._values[block])
+
+
+def _copy(value: Any) -> Any:
+    return value.copy() if isinstance(value, np.ndarray) else value

@@ -1,0 +1,209 @@
+"""The structural tables of a scene: nodes, springs, canopy quads, lines and point masses."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from structural import Chains
+
+from .tables import SceneError, Table, name, names, non_negative, number, positive, read_table
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Nodes and elements of a scene.
+
+    `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; over all elements in the order
+    of the groups: `EA` (e,) N of those whose stiffness follows a modulus (0 where it is given), `area` (e,) m^2.
+    `mass` (n,) kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring.
+    """
+
+    nodes: np.ndarray
+    fixed: np.ndarray
+    labels: tuple[str, ...]
+    chains: tuple[Chains, ...]
+    area: np.ndarray
+    mass: np.ndarray
+    wing_mass: np.ndarray
+
+    def node(self, label: str, where: str) -> int:
+        """Index of a node; raises `SceneError` naming the row `where` it is asked for."""
+        try:
+            return self.labels.index(label)
+        except ValueError:
+            raise SceneError(f"{where}: node '{label}' is not in the node table; add it or correct the name.") from None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Element names in the order of the groups."""
+        return tuple(n for group in self.chains for n in group.names)
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    nodes: tuple[int, ...]
+    l0: float
+    k: float
+    area: float
+    two_way: bool
+    mass: float
+
+
+def read_members(folder: Path, structure: dict[str, Any]) -> Members:
+    """All members of the [structure] section, checked: missing and duplicate nodes and names, dangling lines."""
+    labels, nodes, fixed = _nodes(folder / structure["nodes"])
+    table_index = {label: i for i, label in enumerate(labels)}
+    elements: list[_Element] = []
+    taken: dict[str, str] = {}
+    for key, read in (("springs", _springs), ("canopy", _canopy), ("lines", _lines)):
+        if structure[key]:
+            for element, where in read(folder / structure[key], table_index, nodes, structure):
+                if element.name in taken:
+                    raise SceneError(f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename.")
+                taken[element.name] = where
+                elements.append(element)
+    if not elements:
+        raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
+    mass = np.zeros(len(nodes))
+    wing = np.zeros(len(nodes))
+    for e in elements:
+        share = _mass_shares(nodes[list(e.nodes)]) * e.mass
+        np.add.at(wing if e.two_way else mass, list(e.nodes), share)
+    if structure["masses"]:
+        _point_masses(folder / structure["masses"], table_index, mass)
+    _check_connected(folder, structure, labels, fixed, elements)
+    groups, area = _grouped(elements)
+    return Members(nodes, fixed, labels, groups, area, mass + wing, wing)
+
+
+def _nodes(path: Path):
+    table = read_table(path, {"node": name, "x_m": number, "y_m": number, "z_m": number, "fixed": _directions})
+    seen: dict[str, int] = {}
+    for row, label in enumerate(table["node"]):
+        if label in seen:
+            raise SceneError(f"{table.at(row)}: node '{label}' stands already in row {table.lines[seen[label]]}; rename it.")
+        seen[label] = row
+    nodes = np.array([table["x_m"], table["y_m"], table["z_m"]]).T
+    fixed = np.array([[axis in f for axis in "xyz"] for f in table["fixed"]])
+    if not fixed.any():
+        raise SceneError(f"{table.path.parent.name}/{path.name}: no node is fixed; put xyz into 'fixed' of at least one.")
+    return tuple(table["node"]), nodes, fixed
+
+
+def _directions(text: str) -> str:
+    if set(text) - set("xyz"):
+        raise ValueError
+    return text
+
+
+def _resolve(table: Table, row: int, index: dict[str, int], least: int, most: int) -> tuple[int, ...]:
+    chain = table["nodes"][row]
+    if not least <= len(chain) <= most:
+        wanted = str(least) if least == most else f"at least {least}"
+        raise SceneError(f"{table.at(row)}: 'nodes' lists {len(chain)} nodes where {wanted} are needed; correct the cell.")
+    for label in chain:
+        if label not in index:
+            raise SceneError(f"{table.at(row)}: node '{label}' is not in the node table; add it or correct the name.")
+    if any(a == b for a, b in zip(chain, chain[1:], strict=False)):
+        raise SceneError(f"{table.at(row)}: '{table['name'][row]}' starts and ends a leg at one node; correct 'nodes'.")
+    return tuple(index[label] for label in chain)
+
+
+def _springs(path, index, nodes, structure):
+    columns = {
+        "name": name, "nodes": names, "rest_length_m": non_negative, "stiffness_N_per_m": positive,
+        "mass_kg": non_negative,
+    }  # fmt: skip
+    t = read_table(path, columns)
+    for row in range(len(t)):
+        ends = _resolve(t, row, index, 2, 2)
+        element = _Element(
+            t["name"][row], ends, t["rest_length_m"][row], t["stiffness_N_per_m"][row], 0.0, True, t["mass_kg"][row]
+        )
+        yield element, t.at(row)
+
+
+def _canopy(path, index, nodes, structure):
+    """Six-spring quads: four edges and two diagonals at their reference lengths; an edge of two quads is one spring."""
+    columns = {"name": name, "nodes": names, "stiffness_N_per_m": positive, "mass_kg": non_negative}
+    t = read_table(path, columns)
+    edges: set[tuple[int, int]] = set()
+    for row in range(len(t)):
+        a, b, c, d = _resolve(t, row, index, 4, 4)
+        pairs = {"ab": (a, b), "bc": (b, c), "cd": (c, d), "da": (d, a), "ac": (a, c), "bd": (b, d)}
+        for side, (i, j) in pairs.items():
+            if (min(i, j), max(i, j)) in edges:
+                continue
+            edges.add((min(i, j), max(i, j)))
+            length = float(np.linalg.norm(nodes[i] - nodes[j]))
+            mass = t["mass_kg"][row] / 6.0
+            element = _Element(
+                f"{t['name'][row]}_{side}", (i, j), length, t["stiffness_N_per_m"][row], 0.0, True, mass
+            )
+            yield element, t.at(row)
+
+
+def _lines(path, index, nodes, structure):
+    t = read_table(path, {"name": name, "nodes": names, "rest_length_m": positive, "diameter_m": positive})
+    modulus, density = structure["line_modulus"], structure["line_density"]
+    if modulus <= 0.0:
+        raise SceneError(f"{path.parent.name}/scene.toml: [structure] line_modulus must be above zero where there are lines.")
+    for row in range(len(t)):
+        chain = _resolve(t, row, index, 2, 1000)
+        l0 = t["rest_length_m"][row]
+        area = 0.25 * np.pi * t["diameter_m"][row] ** 2
+        yield _Element(t["name"][row], chain, l0, modulus * area / l0, area, False, density * area * l0), t.at(row)
+
+
+def _mass_shares(points):
+    """Shares (m,) of an element's mass at its nodes: each leg by its length, half to each of its ends."""
+    leg = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    leg = leg / leg.sum() if leg.sum() > 0.0 else np.full(len(leg), 1.0 / len(leg))
+    shares = np.zeros(len(points))
+    shares[:-1] += 0.5 * leg
+    shares[1:] += 0.5 * leg
+    return shares
+
+
+def _point_masses(path, index, mass):
+    t = read_table(path, {"node": name, "mass_kg": non_negative})
+    for row, label in enumerate(t["node"]):
+        if label not in index:
+            raise SceneError(f"{t.at(row)}: node '{label}' is not in the node table; add it or correct the name.")
+        mass[index[label]] += t["mass_kg"][row]
+
+
+def _check_connected(folder, structure, labels, fixed, elements):
+    """Every free node needs two elements, or one rope running over it: otherwise a line dangles."""
+    held = np.zeros(len(labels))
+    for e in elements:
+        for i, n in enumerate(e.nodes):
+            held[n] += 2.0 if 0 < i < len(e.nodes) - 1 else (1.0 if not e.two_way else 2.0)
+    for n, label in enumerate(labels):
+        if held[n] == 0.0 and not fixed[n].all():
+            raise SceneError(f"{folder.name}/{structure['nodes']}: node '{label}' belongs to no element; connect or remove it.")
+        if held[n] == 1.0 and not fixed[n].all():
+            line = next(e.name for e in elements if n in e.nodes)
+            raise SceneError(
+                f"{folder.name}/{structure['lines']}: line '{line}' dangles at node '{label}'; connect that end or fix the node."
+            )
+
+
+def _grouped(elements):
+    order = sorted(range(len(elements)), key=lambda i: len(elements[i].nodes))
+    groups = []
+    for size in sorted({len(e.nodes) for e in elements}):
+        part = [elements[i] for i in order if len(elements[i].nodes) == size]
+        groups.append(
+            Chains(
+                np.array([e.nodes for e in part]),
+                np.array([e.l0 for e in part], float),
+                np.array([e.k for e in part], float),
+                np.array([e.two_way for e in part], bool),
+                tuple(e.name for e in part),
+            )
+        )
+    return tuple(groups), np.array([elements[i].area for i in order])

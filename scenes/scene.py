@@ -1,0 +1,154 @@
+"""A scene: tables turned into a structural model, a wing and the interface between them."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .description import read_description
+from .interface import Interface, design_interface, structural_interface
+from .members import Members, read_members
+from .tables import SceneError, name, number, read_table
+
+BUILT_IN = Path(__file__).resolve().parent
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """One loaded and checked scene.
+
+    `content` is the checked scene.toml, `settings` the build-time choices, `members` the structural tables.
+    """
+
+    name: str
+    folder: Path
+    content: dict[str, Any]
+    settings: dict[str, Any]
+    members: Members = field(repr=False)
+    struts: np.ndarray = field(repr=False)
+
+    @cached_property
+    def interface(self) -> Interface:
+        """The interface mesh for the chosen chord and number of strips."""
+        per_bay = int(self.settings.get("panels_per_section", 1))
+        nodes = self.members.nodes
+        if self.settings.get("chord", "structural") == "design":
+            le, te = self._design()
+            return design_interface(nodes, self.struts, le, te, per_bay)
+        return structural_interface(nodes, self.struts, per_bay)
+
+    def _design(self):
+        t = self._sections
+        edge = [np.array([t[f"{side}_{axis}_m"] for axis in "xyz"]).T for side in ("le", "te")]
+        return edge[0], edge[1]
+
+    @cached_property
+    def _sections(self):
+        columns = {"section": name, "polar": name}
+        columns |= {f"{side}_{axis}_m": number for side in ("le", "te") for axis in "xyz"}
+        table = read_table(self.folder / self.content["wing"]["sections"], columns)
+        if len(table) < 2:
+            raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two sections; add one.")
+        return table
+
+    def structural_core(self):
+        """The structural solver core of this scene."""
+        from .structural_core import StructuralCore
+
+        return StructuralCore(self)
+
+    def aero_core(self):
+        """The aerodynamic solver core of this scene."""
+        from .aero_core import AeroCore
+
+        return AeroCore(self)
+
+    def section_polars(self):
+        """Angles (k,) rad, tables cl, cd, cm (sections, k), and span positions (sections,) of the design sections."""
+        sections = self._sections
+        columns = {"polar": name, "alpha_deg": number, "cl": number, "cd": number, "cm": number}
+        table = read_table(self.folder / self.content["wing"]["polars"], columns)
+        polar = np.array(table["polar"])
+        values = np.array([table[c] for c in ("alpha_deg", "cl", "cd", "cm")])
+        label = f"{table.path.parent.name}/{table.path.name}"
+        curves = {}
+        grid = None
+        for key in dict.fromkeys(table["polar"]):
+            rows = np.flatnonzero(polar == key)
+            alpha = values[0, rows]
+            falling = np.flatnonzero(np.diff(alpha) <= 0.0)
+            if len(alpha) < 2:
+                raise SceneError(f"{table.at(int(rows[0]))}: polar '{key}' has one angle only; give it at least two.")
+            if len(falling):
+                row = table.at(int(rows[falling[0] + 1]))
+                raise SceneError(f"{row}: alpha_deg of polar '{key}' does not increase; sort its rows by angle.")
+            grid = alpha if grid is None else grid
+            if len(alpha) != len(grid) or np.max(np.abs(alpha - grid)) > 1e-9:
+                raise SceneError(f"{label}: polar '{key}' has other angles than the first one; use one list for all.")
+            curves[key] = values[1:, rows]
+        for row, key in enumerate(sections["polar"]):
+            if key not in curves:
+                raise SceneError(f"{sections.at(row)}: polar '{key}' is not in {label}; add it or correct the name.")
+        stacked = np.array([curves[key] for key in sections["polar"]])
+        from .interface import arc_fraction
+
+        span = arc_fraction(self._design()[0])
+        return np.deg2rad(grid), stacked[:, 0], stacked[:, 1], stacked[:, 2], span
+
+    def trim_angle(self, parameters: dict[str, Any] | None = None) -> float:
+        """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.
+
+        Zero for a scene that is not free to pitch. `parameters` override the start values of the aero core.
+        """
+        if self.content["trim"] is None:
+            return 0.0
+        from .trim import trim_angle
+
+        return trim_angle(self, parameters or {})
+
+
+def load(scene: str | Path, settings: dict[str, Any] | None = None) -> Scene:
+    """The scene with this name or in this folder; raises `SceneError` with one sentence where anything is wrong."""
+    folder = Path(scene)
+    if not folder.is_dir() or not (folder / "scene.toml").exists():
+        folder = BUILT_IN / str(scene)
+    if not (folder / "scene.toml").is_file():
+        known = ", ".join(available())
+        raise SceneError(f"there is no scene '{scene}'; built-in scenes are: {known} (or name a folder with a scene.toml).")
+    content, chosen = read_description(folder, settings or {})
+    members = read_members(folder, content["structure"])
+    struts = _struts(folder, content, members)
+    return Scene(folder.resolve().name, folder.resolve(), content, chosen, members, struts)
+
+
+def available() -> list[str]:
+    """Names of the built-in scenes."""
+    return sorted(p.parent.name for p in BUILT_IN.glob("*/scene.toml"))
+
+
+def _struts(folder, content, members):
+    columns = {"leading_edge_node": name, "trailing_edge_node": name}
+    table = read_table(folder / content["wing"]["struts"], columns)
+    if len(table) < 2:
+        raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two struts; add one.")
+    pairs = [
+        [members.node(table[column][row], table.at(row)) for column in columns] for row in range(len(table))
+    ]
+    struts = np.array(pairs)
+    y = members.nodes[struts, 1].mean(axis=1)
+    if np.any(np.diff(y) <= 0.0):
+        row = int(np.flatnonzero(np.diff(y) <= 0.0)[0]) + 1
+        raise SceneError(f"{table.at(row)}: struts must go from the left tip (y < 0) to the right one; reorder the rows.")
+    return struts
+
+
+def with_rest_lengths(chains, rest, stiffness):
+    """The chain groups with new rest lengths m and stiffnesses N/m, both over all elements in order."""
+    out, start = [], 0
+    for group in chains:
+        stop = start + len(group.l0)
+        out.append(replace(group, l0=rest[start:stop], k=stiffness[start:stop]))
+        start = stop
+    return tuple(out)

@@ -1,0 +1,243 @@
+"""The structural solver of a scene behind blocks: loads in, interface displacements out."""
+
+from functools import cached_property
+
+import numpy as np
+
+from structural import (
+    Assembly,
+    Loads,
+    Structure,
+    equilibrium,
+    mirror_permutation,
+    surface_forces,
+    tensions,
+)
+
+from .core import Core
+from .scene import with_rest_lengths
+from .tables import SceneError
+from .variables import StepFailed, Variable
+
+# Largest load difference between mirrored panels, relative to the largest load, that still counts as symmetric: rounding
+# of an aerodynamic solve, not a sideslip.
+ASYMMETRY = 1e-9
+
+
+class StructuralCore(Core):
+    """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
+
+    _hidden = ("_x", "_solved")
+
+    def __init__(self, scene):
+        self._scene = scene
+        self._members = scene.members
+        self._tapes = scene.content["structure"]["tapes"]
+        self._interface = scene.interface
+        self._pivot = self._pivot_node()
+        self._mirror = mirror_permutation(self._members.nodes)
+        self._assemblies: dict[bool, Assembly] = {}
+        self._chains = None
+        super().__init__(tuple(self._declared()))
+        self._x = self._start_positions()
+        self._solved = False
+        self._show_start()
+
+    def _pivot_node(self):
+        pivot = self._scene.content["structure"]["pivot"]
+        if pivot is None:
+            return None
+        return self._members.node(str(pivot), f"{self._scene.name}/scene.toml [structure] pivot")
+
+    @cached_property
+    def _rest(self):
+        return np.concatenate([c.l0 for c in self._members.chains]), np.concatenate([c.k for c in self._members.chains])
+
+    def _tape_rows(self, parameter):
+        rows = []
+        for element in self._tapes[parameter]:
+            if element not in self._members.names:
+                where = f"{self._scene.name}/scene.toml [structure.tapes] {parameter}"
+                raise SceneError(f"{where}: line '{element}' is not in the line table; add it or correct the name.")
+            rows.append(self._members.names.index(element))
+        return rows
+
+    def _declared(self):
+        content, m = self._scene.content["structure"], self._members
+        panels, points = len(self._interface.panels), len(self._interface.nodes)
+        yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel, follower")
+        if self._scene.content["aero"]["section_force"] != "normal":
+            text = "traction on each interface panel, keeps its global direction"
+            yield Variable("shear", (panels, 3), unit="Pa", description=text)
+        p = {"causality": "parameter", "variability": "tunable"}
+        yield Variable("gravity", unit="m/s2", start=content["gravity"], description="gravity, towards -z", **p)
+        if content["line_modulus"]:
+            text = "Young's modulus of the bridle lines"
+            yield Variable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text, **p)
+        for parameter in self._tapes:
+            start = self._rest[0][self._tape_rows(parameter)[0]]
+            text = "rest length of " + ", ".join(self._tapes[parameter])
+            yield Variable(parameter, unit="m", start=start, minimum=1e-3, description=text, **p)
+        if m.wing_mass.sum() > 0.0:
+            text = "mass of springs and canopy together; their nodes' shares scale with it"
+            yield Variable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text, **p)
+        start = content["symmetric"] and self._mirror is not None
+        text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
+        yield Variable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text, **p)
+        text = "largest out-of-balance force that counts as equilibrium"
+        yield Variable("solver_tolerance", unit="N", start=1e-6, minimum=1e-12, description=text, **p)
+        if self._scene.content["trim"] is not None:
+            text = "rigid nose-up rotation about the pivot in which the structure starts"
+            yield Variable(
+                "trim_angle", unit="rad", causality="parameter", variability="fixed", minimum=-3.2, maximum=3.2,
+                description=text,
+            )  # fmt: skip
+        o = {"causality": "output"}
+        text = "interface displacement from the reference configuration"
+        yield Variable("displacement", (points, 3), unit="m", description=text, **o)
+        yield Variable("position", m.nodes.shape, unit="m", start=m.nodes, description="positions of all nodes", **o)
+        yield Variable("tension", (len(m.names),), unit="N", description="tension of each element", **o)
+        text = "force of the structure on its supports"
+        yield Variable("support_force", (3,), unit="N", description=text, **o)
+        yield Variable("slack_lines", kind="integer", description="tension-only elements without tension", **o)
+        yield Variable("residual", unit="N", description="out-of-balance force over free dofs after the step", **o)
+        text = "out-of-balance force of the state before the step under the loads of the step"
+        yield Variable("imbalance", unit="N", description=text, **o)
+        yield Variable("newton_iterations", kind="integer", description="Newton iterations of the step", **o)
+        yield Variable("symmetry_used", kind="boolean", description="whether the last solve was of one half", **o)
+
+    @property
+    def element_names(self):
+        """Names of the elements in the order of the block `tension`."""
+        return self._members.names
+
+    @property
+    def node_names(self):
+        """Names of the nodes in the order of the block `position`."""
+        return self._members.labels
+
+    def _start_positions(self):
+        nodes = self._members.nodes
+        angle = self._scalar("trim_angle") if "trim_angle" in self._values else 0.0
+        if angle == 0.0 or self._pivot is None:
+            return nodes.copy()
+        return rotated(nodes, angle, nodes[self._pivot])
+
+    def _show_start(self):
+        self._put("position", self._x)
+        self._put("displacement", self._interface.weights @ self._x - self._interface.nodes)
+
+    def _parameter_changed(self, block):
+        self._chains = None
+        if block == "trim_angle":
+            self._x = self._start_positions()
+            self._solved = False
+            self._show_start()
+
+    def _restored(self):
+        self._chains = None
+
+    def _present_chains(self):
+        """The chains with the present tape lengths and line modulus, and whether they are mirror-symmetric."""
+        if self._chains is None:
+            rest, k = (a.copy() for a in self._rest)
+            for parameter in self._tapes:
+                rest[self._tape_rows(parameter)] = self._scalar(parameter)
+            area = self._members.area
+            if "line_modulus" in self._values:
+                k = np.where(area > 0.0, self._scalar("line_modulus") * area / rest, k)
+            chains = with_rest_lengths(self._members.chains, rest, k)
+            self._chains = chains, self._mirror is not None and _symmetric_chains(chains, self._mirror)
+        return self._chains
+
+    def _mass(self):
+        m = self._members
+        if "wing_mass" not in self._values:
+            return m.mass
+        return m.mass + m.wing_mass * (self._scalar("wing_mass") / m.wing_mass.sum() - 1.0)
+
+    def _assembly(self, symmetric):
+        assembly = self._assemblies.get(symmetric)
+        if assembly is None:
+            m, i = self._members, self._interface
+            structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels)
+            assembly = self._assemblies[symmetric] = Assembly(structure, self._mirror if symmetric else None)
+        return assembly
+
+    def step(self, t: float, dt: float) -> None:
+        """Equilibrium under the present loads; the same input again returns the stored output without solving."""
+        if not self._stale:
+            self._put("imbalance", self._values["residual"])
+            return
+        chains, mirrored = self._present_chains()
+        shear = self._values.get("shear")
+        weight = self._mass()[:, None] * np.array([0.0, 0.0, -self._scalar("gravity")])
+        loads = Loads(self._values["pressure"], shear, weight)
+        symmetric = bool(self._values["symmetric"]) and mirrored and self._symmetric_state(loads)
+        assembly = self._assembly(symmetric)
+        result = equilibrium(assembly, chains, loads, self._x, atol=self._scalar("solver_tolerance"))
+        if not result.converged:
+            raise StepFailed(
+                f"static equilibrium not found in {result.iterations} Newton iterations ({result.status}): "
+                f"{result.residual:.3g} N out of balance, {self._scalar('solver_tolerance'):.3g} N asked for."
+            )
+        self._x = result.x
+        self._solved = True
+        self._show(result, chains, loads, symmetric)
+        self._stale = False
+
+    def _symmetric_state(self, loads):
+        """Whether loads and present positions are mirror-symmetric, so that a half model gives the whole answer."""
+        image = self._panel_image
+        if image is None:
+            return False
+        scale = np.abs(loads.pressure).max(initial=0.0)
+        flip = np.array([1.0, -1.0, 1.0])
+        odd = np.abs(loads.pressure - loads.pressure[image]).max(initial=0.0)
+        if loads.shear is not None:
+            scale = max(scale, np.abs(loads.shear).max(initial=0.0))
+            odd = max(odd, np.abs(loads.shear - loads.shear[image] * flip).max(initial=0.0))
+        lopsided = np.abs(self._x - self._x[self._mirror] * flip).max()
+        return odd <= ASYMMETRY * scale and lopsided <= 1e-6
+
+    @cached_property
+    def _panel_image(self):
+        """Index of the mirror image of every panel, or None."""
+        nodes = mirror_permutation(self._interface.nodes)
+        if nodes is None:
+            return None
+        key = np.sort(self._interface.panels, axis=1)
+        where = {tuple(k): i for i, k in enumerate(key)}
+        images = [where.get(tuple(k)) for k in np.sort(nodes[self._interface.panels], axis=1)]
+        return None if None in images else np.array(images)
+
+    def _show(self, result, chains, loads, symmetric):
+        self._show_start()
+        tension = np.concatenate([tensions(self._x, c) for c in chains])
+        two_way = np.concatenate([c.two_way for c in chains])
+        self._put("tension", tension)
+        self._put("slack_lines", np.count_nonzero(~two_way & (tension <= 0.0)))
+        corners = (self._interface.weights @ self._x)[self._interface.panels]
+        external = surface_forces(corners, loads.pressure, loads.shear).sum(axis=(0, 1)) + loads.dead.sum(axis=0)
+        self._put("support_force", external)
+        self._put("residual", result.residual)
+        self._put("imbalance", result.residuals[0] if self._solved else 0.0)
+        self._put("newton_iterations", result.iterations)
+        self._put("symmetry_used", float(symmetric))
+
+
+def rotated(points, angle, about):
+    """Points (n,3) turned nose-up by `angle` rad about the y axis through `about` (3,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return about + (points - about) @ turn.T
+
+
+def _symmetric_chains(chains, mirror):
+    """Whether every element has a mirror image with the same rest length and stiffness."""
+    for group in chains:
+        key = {tuple(sorted(n)): (l0, k) for n, l0, k in zip(group.nodes.tolist(), group.l0, group.k, strict=True)}
+        for nodes, l0, k in zip(group.nodes, group.l0, group.k, strict=True):
+            if key.get(tuple(sorted(mirror[nodes].tolist()))) != (l0, k):
+                return False
+    return True

@@ -1,0 +1,108 @@
+"""CSV tables of a scene, read with errors that name file, row and remedy."""
+
+import csv
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+class SceneError(ValueError):
+    """Something in a scene or in the settings given for it is wrong; the message is one sentence with the remedy."""
+
+
+def number(text: str) -> float:
+    """A finite number; `1e4` and `10000.0` alike."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError
+    return value
+
+
+def positive(text: str) -> float:
+    """A finite number above zero."""
+    value = number(text)
+    if value <= 0.0:
+        raise ValueError
+    return value
+
+
+def non_negative(text: str) -> float:
+    """A finite number, zero or more."""
+    value = number(text)
+    if value < 0.0:
+        raise ValueError
+    return value
+
+
+def name(text: str) -> str:
+    """A name without blanks."""
+    if not text or " " in text:
+        raise ValueError
+    return text
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names separated by blanks."""
+    return tuple(text.split())
+
+
+_MEANING: dict[Callable[[str], Any], str] = {
+    number: "a finite number",
+    positive: "a number above zero",
+    non_negative: "a number, zero or more",
+    name: "a name without blanks",
+    names: "names separated by blanks",
+}
+
+
+class Table:
+    """Columns of one CSV file, and `at(row)` to say where a row stands."""
+
+    def __init__(self, path: Path, columns: dict[str, list[Any]], lines: list[int]):
+        self.path = path
+        self.columns = columns
+        self.lines = lines
+
+    def __getitem__(self, column: str) -> list[Any]:
+        return self.columns[column]
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def at(self, row: int) -> str:
+        """File and row number as an editor counts it."""
+        return f"{self.path.parent.name}/{self.path.name} row {self.lines[row]}"
+
+
+def read_table(path: Path, columns: dict[str, Callable[[str], Any]]) -> Table:
+    """The named columns of a CSV file with a header row; raises `SceneError` for whatever does not fit."""
+    label = f"{path.parent.name}/{path.name}"
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [(i, row) for i, row in enumerate(csv.reader(file, strict=True), start=1) if any(row)]
+    except FileNotFoundError:
+        raise SceneError(f"{label} does not exist; add the file or correct its name in scene.toml.") from None
+    except (csv.Error, UnicodeDecodeError, OSError) as error:
+        raise SceneError(f"{label} is not a readable CSV file ({error}); save it as comma-separated UTF-8.") from None
+    if not rows:
+        raise SceneError(f"{label} is empty; its first row must be: {','.join(columns)}.")
+    header = [cell.strip() for cell in rows[0][1]]
+    missing = [c for c in columns if c not in header]
+    if missing:
+        raise SceneError(f"{label} row 1 has no column '{missing[0]}'; the header must name: {','.join(columns)}.")
+    if len(rows) == 1:
+        raise SceneError(f"{label} has a header but no rows; add at least one.")
+    values: dict[str, list[Any]] = {c: [] for c in columns}
+    place = {c: header.index(c) for c in columns}
+    for line, row in rows[1:]:
+        if len(row) != len(header):
+            raise SceneError(f"{label} row {line} has {len(row)} cells where the header has {len(header)}; mend the row.")
+        for column, convert in columns.items():
+            cell = row[place[column]].strip()
+            try:
+                values[column].append(convert(cell))
+            except ValueError:
+                meaning = _MEANING.get(convert, "a valid value")
+                raise SceneError(f"{label} row {line}: {column} '{cell}' is not {meaning}; correct the cell.") from None
+    return Table(path, values, [line for line, _ in rows[1:]])

@@ -1,0 +1,53 @@
+"""Where a kite starts: turned as a rigid body about its bridle point until nothing pitches it."""
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from .structural_core import rotated
+from .tables import SceneError
+
+# Scan step of the search for a sign change; pitching moment curves of kites have one stable zero within tens of degrees.
+STEP_DEG = 2.5
+
+
+def trim_angle(scene, parameters: dict[str, Any]) -> float:
+    """Nose-up rotation (rad) about the pivot where air and weight together do not pitch, the moment falling with the angle.
+
+    `parameters` override the start values of the cores. Raises `SceneError` where the range given in [trim]
+    holds no such angle.
+    """
+    core = scene.aero_core()
+    declared = {v.name for v in core.variables if v.causality == "parameter"}
+    for name, value in parameters.items():
+        if name in declared:
+            core.set(name, value)
+    pivot = scene.content["structure"]["pivot"]
+    if pivot is None:
+        raise SceneError(f"{scene.name}/scene.toml: [trim] needs [structure] pivot, the node to turn about; add it.")
+    about = scene.members.nodes[scene.members.node(str(pivot), f"{scene.name}/scene.toml [structure] pivot")]
+    nodes = scene.interface.nodes
+    members = scene.members
+    gravity = float(parameters.get("gravity", scene.content["structure"]["gravity"]))
+    extra = float(parameters.get("wing_mass", members.wing_mass.sum())) / max(members.wing_mass.sum(), 1e-300) - 1.0
+    weight = gravity * (members.mass + extra * members.wing_mass)
+
+    def moment(angle: float) -> float:
+        core.set("displacement", rotated(nodes, angle, about) - nodes)
+        core.step(0.0, 0.0)
+        arm = rotated(members.nodes, angle, about)[:, 0] - about[0]
+        return float(core.get("moment")[1] + weight @ arm)
+
+    low, high = (np.deg2rad(scene.content["trim"][key]) for key in ("lowest_deg", "highest_deg"))
+    angles = np.linspace(low, high, max(2, int(np.ceil((high - low) / np.deg2rad(STEP_DEG))) + 1))
+    before = moment(angles[0])
+    for left, right in zip(angles, angles[1:], strict=False):
+        after = moment(right)
+        if before > 0.0 >= after:
+            return float(brentq(moment, left, right, xtol=1e-6))
+        before = after
+    raise SceneError(
+        f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees has zero pitching moment "
+        "about the pivot; widen [trim] in scene.toml or check the wind."
+    )

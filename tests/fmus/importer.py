@@ -1,0 +1,51 @@
+"""An FMI 2.0 importer in a few lines of fmpy: every scalar by its own name, nothing known of blocks."""
+
+import shutil
+
+import fmpy
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.logging import addLoggerProxy
+
+
+class Importer:
+    """One instance of an FMU; `log` holds (status, message)."""
+
+    def __init__(self, path, initialise=True):
+        self.folder = fmpy.extract(path)
+        self.description = fmpy.read_model_description(self.folder)
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.log = []
+        self.callbacks = fmi2CallbackFunctions()
+        self._logger = fmi2CallbackLoggerTYPE(lambda _e, _i, status, _c, text: self.log.append((status, text.decode())))
+        self.callbacks.logger = self._logger
+        addLoggerProxy(fmpy.fmi2.byref(self.callbacks))
+        self.slave = FMU2Slave(
+            guid=self.description.guid,
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            unzipDirectory=self.folder,
+        )
+        self.slave.instantiate(callbacks=self.callbacks, loggingOn=True)
+        self.slave.setupExperiment()
+        self.slave.enterInitializationMode()
+        if initialise:
+            self.slave.exitInitializationMode()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.slave.terminate()
+        self.slave.freeInstance()
+        shutil.rmtree(self.folder)
+
+    def names(self, block):
+        return [name for name in self.references if name.partition("[")[0] == block]
+
+    def set(self, **values):
+        for name, value in values.items():
+            names = self.names(name)
+            given = list(value) if isinstance(value, list | tuple) else [value] * len(names)
+            self.slave.setReal([self.references[n] for n in names], given)
+
+    def get(self, block):
+        return self.slave.getReal([self.references[name] for name in self.names(block)])

@@ -1,0 +1,250 @@
+"""A solver core behind the FMI functions: names, values, failures, complete state. Exact equality throughout."""
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+
+from fmus.description import base_exponents, scalar_names
+from scenes.variables import Variable
+from tests.fmus.importer import Importer
+
+LOADS = [[0.1 * k + 0.01 * i for i in range(6)] for k in range(5)]  # six scalars a step
+DISCARD, ERROR = 2, 3
+
+
+@pytest.fixture
+def toy(toy_path):
+    with Importer(toy_path) as importer:
+        yield importer
+
+
+def step(toy, t=0.0):
+    """Status of a doStep."""
+    try:
+        toy.slave.doStep(t, 1.0)
+    except FMICallException as error:
+        return error.status
+    return 0
+
+
+def responses(toy, loads):
+    """Positions and counters after a step with each load."""
+    found = []
+    for t, load in enumerate(loads):
+        toy.set(load=load)
+        assert step(toy, float(t)) == 0
+        found.append((toy.get("position"), toy.get("steps")))
+    return found
+
+
+def test_the_validator_of_fmpy_finds_no_problem(toy_path, scene_paths):
+    assert [validate_fmu(str(path)) for path in (toy_path, *scene_paths)] == [[], [], []]
+
+
+def test_a_block_is_one_run_of_value_references_in_row_major_order(toy):
+    names = [f"load[{i},{j}]" for i in (1, 2) for j in (1, 2, 3)]
+    assert scalar_names(Variable("load", (2, 3))) == names
+    assert scalar_names(Variable("gain")) == ["gain"]
+    first = toy.references[names[0]]
+    assert [toy.references[name] for name in names] == list(range(first, first + 6))
+
+
+@pytest.mark.parametrize(
+    ("unit", "exponents"),
+    [
+        ("N/m", {"kg": 1, "s": -2}),
+        ("N", {"kg": 1, "m": 1, "s": -2}),
+        ("Pa", {"kg": 1, "m": -1, "s": -2}),
+        ("kg/m3", {"kg": 1, "m": -3}),
+        ("m/s2", {"m": 1, "s": -2}),
+        ("N.m", {"kg": 1, "m": 2, "s": -2}),
+        ("N m", {"kg": 1, "m": 2, "s": -2}),
+        ("rad/s", {"rad": 1, "s": -1}),
+        ("1/s", {"s": -1}),
+        ("1", {}),
+    ],
+)
+def test_a_unit_has_the_exponents_of_the_SI(unit, exponents):
+    assert base_exponents(unit) == exponents
+
+
+@pytest.mark.parametrize("unit", ["ft", "m/", "", "N**m", "-"])
+def test_a_unit_outside_the_SI_is_refused_by_name(unit):
+    with pytest.raises(ValueError, match="Unit"):
+        base_exponents(unit)
+
+
+def test_the_description_carries_units_bounds_and_start_values_to_the_last_bit(toy):
+    described = {v.name: v for v in toy.description.modelVariables}
+    assert float(described["gain"].start) == 0.1 + 0.2  # 0.30000000000000004 needs 17 digits
+    assert [float(described[f"scale[{i}]"].start) for i in (1, 2, 3)] == [1.0, 2.0, 4.0]
+    assert (described["gain"].min, described["scale[2]"].max) == ("0.0", "9.0")
+    assert (described["trouble"].min, described["trouble"].max, described["trouble"].type) == ("0", "3", "Integer")
+    assert (described["active"].start, described["active"].type) == ("true", "Boolean")
+    assert described["load[1,2]"].description == "load < limit"
+    assert {v.unit for v in described.values() if v.type == "Real"} == {"m", "N", "m/N"}
+
+
+def test_no_output_depends_on_an_input_at_a_communication_point(toy):
+    dependencies = {unknown.variable.name: unknown.dependencies for unknown in toy.description.outputs}
+    assert set(dependencies) == {v.name for v in toy.description.modelVariables if v.causality == "output"}
+    assert all(known == [] for known in dependencies.values())
+    before = toy.get("position")
+    toy.set(load=5.0)
+    assert toy.get("position") == before
+
+
+def test_any_order_of_value_references_reaches_the_same_scalars(toy):
+    names = toy.names("load") + ["gain"]
+    values = dict(zip(names, np.arange(1.0, 8.0), strict=True))
+    for order in ([6, 3, 0, 4, 1, 5, 2], [0, 1, 2, 3, 4, 5, 6], [0, 2, 1, 3, 4, 5, 6]):
+        picked = [names[i] for i in order]
+        toy.slave.setReal([toy.references[name] for name in picked], [values[name] for name in picked])
+        assert toy.get("load") == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+        assert toy.slave.getReal([toy.references[name] for name in picked]) == [values[name] for name in picked]
+        assert [toy.slave.getReal([toy.references[name]])[0] for name in names] == list(values.values())
+        toy.set(load=0.0, gain=0.0)
+
+
+def test_booleans_and_integers_keep_their_type(toy):
+    active, loaded = toy.references["active"], [toy.references[f"loaded[{i}]"] for i in (1, 2)]
+    assert toy.slave.getBoolean([active]) == [True]
+    toy.slave.setBoolean([active], [False])
+    toy.set(load=[0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+    assert step(toy) == 0
+    assert toy.slave.getBoolean(loaded) == [False, True]
+    assert toy.slave.getInteger([toy.references["steps"]]) == [1]
+    assert toy.get("position") == [0.0] * 6  # not active
+
+
+def test_outputs_follow_the_parameters_while_initialising_and_are_valid_before_the_first_step(toy_path):
+    with Importer(toy_path, initialise=False) as toy:
+        assert toy.get("offset") == [0.1 + 0.2, 2 * (0.1 + 0.2), 4 * (0.1 + 0.2)]
+        toy.set(gain=2.0, scale=[1.0, 3.0, 5.0])
+        assert toy.get("offset") == [2.0, 6.0, 10.0]
+        toy.set(gain=3.0)
+        toy.slave.exitInitializationMode()
+        assert toy.get("offset") == [3.0, 9.0, 15.0]
+        assert toy.get("position") == [0.0] * 6
+
+
+def test_a_restored_state_repeats_the_steps_to_the_last_bit(toy):
+    responses(toy, LOADS)
+    toy.set(load=7.0)  # set, not yet stepped: belongs to the state too
+    state = toy.slave.getFMUstate()
+    first = [step(toy), toy.get("position"), *responses(toy, LOADS[::-1])]
+    toy.set(gain=5.0)
+    step(toy)
+    for _ in range(2):
+        toy.slave.setFMUstate(state)
+        assert toy.get("load") == [7.0] * 6
+        assert toy.get("gain") == [0.1 + 0.2]
+        assert [step(toy), toy.get("position"), *responses(toy, LOADS[::-1])] == first
+    toy.slave.freeFMUstate(state)
+
+
+def test_a_serialised_state_goes_on_in_a_new_instance_to_the_last_bit(toy, toy_path):
+    responses(toy, LOADS)
+    state = toy.slave.getFMUstate()
+    content = toy.slave.serializeFMUstate(state)
+    expected = responses(toy, LOADS)
+    toy.slave.freeFMUstate(state)
+    with Importer(toy_path) as other:
+        restored = other.slave.deSerializeFMUstate(content)
+        other.slave.setFMUstate(restored)
+        assert responses(other, LOADS) == expected
+        other.slave.freeFMUstate(restored)
+
+
+@pytest.mark.parametrize("content", [b"", b"no state", b"\x80\x05N."])
+def test_a_state_that_cannot_be_read_discards_steps_until_a_good_one_is_restored(toy, content):
+    good = toy.slave.getFMUstate()
+    expected = responses(toy, LOADS)
+    bad = toy.slave.deSerializeFMUstate(content)
+    toy.slave.setFMUstate(bad)
+    assert toy.log[-1][0] == ERROR
+    assert [step(toy), step(toy)] == [DISCARD, DISCARD]
+    toy.slave.setFMUstate(good)
+    assert responses(toy, LOADS) == expected
+    for state in (good, bad):
+        toy.slave.freeFMUstate(state)
+
+
+@pytest.mark.parametrize(
+    ("trouble", "sentence"),
+    [
+        (1, "The rope is torn at 100 % load."),
+        (2, "TypeError: a bug"),
+        (3, "KeyboardInterrupt: by a user"),
+    ],
+)
+def test_a_step_that_raises_is_discarded_with_its_sentence_and_the_host_goes_on(toy, trouble, sentence):
+    reference = responses(toy, LOADS[:1])[0]
+    for _ in range(50):  # a reference count that leaks or is dropped shows after some
+        toy.slave.setInteger([toy.references["trouble"]], [trouble])
+        assert step(toy) == DISCARD
+        assert toy.log[-1] == (DISCARD, sentence)
+        assert (toy.get("position"), toy.get("steps")) == reference  # of the last good step
+    toy.slave.setInteger([toy.references["trouble"]], [0])
+    assert step(toy) == 0
+
+
+@pytest.mark.parametrize(("name", "value"), [("load", float("nan")), ("gain", float("inf")), ("gain", 1001.0)])
+def test_a_value_that_the_core_refuses_discards_the_step_and_a_good_one_repairs_it(toy, toy_path, name, value):
+    with Importer(toy_path) as untouched:
+        expected = responses(untouched, LOADS)
+    good = toy.get(name)
+    toy.set(**{name: value})
+    assert [step(toy), step(toy)] == [DISCARD, DISCARD]
+    assert toy.log[-1] == (DISCARD, f"{name} must be finite and a gain at most 1000.")
+    toy.set(**{name: good})
+    assert responses(toy, LOADS) == expected
+
+
+def test_a_bad_start_value_is_logged_and_discards_the_first_step(toy_path):
+    with Importer(toy_path, initialise=False) as toy:
+        toy.set(gain=1001.0)
+        toy.slave.exitInitializationMode()
+        assert toy.log[-1] == (ERROR, "gain must be finite and a gain at most 1000.")
+        assert step(toy) == DISCARD
+
+
+@pytest.mark.parametrize("block", ["position", "scale"])
+def test_an_output_or_a_fixed_parameter_keeps_its_value_and_setting_it_discards_one_step(toy, block):
+    before = toy.get(block)
+    toy.set(**{block: 8.0})
+    assert toy.get(block) == before
+    assert toy.log[-1][0] == ERROR
+    assert block in toy.log[-1][1]
+    assert [step(toy), step(toy)] == [DISCARD, 0]
+
+
+def test_a_value_reference_that_does_not_exist_is_logged_not_fatal(toy):
+    assert np.isnan(toy.slave.getReal([0, 9999])).all()
+    toy.slave.setReal([9999], [1.0])
+    assert [status for status, _ in toy.log] == [ERROR, ERROR]
+    assert [step(toy), step(toy)] == [DISCARD, 0]
+
+
+def test_a_reset_instance_starts_again(toy):
+    first = responses(toy, LOADS)
+    toy.slave.reset()
+    toy.slave.setupExperiment()
+    toy.slave.enterInitializationMode()
+    toy.slave.exitInitializationMode()
+    assert responses(toy, LOADS) == first
+
+
+def test_fmpy_simulates_it_as_any_other_fmu(toy_path):
+    result = fmpy.simulate_fmu(
+        toy_path,
+        stop_time=4.0,
+        output_interval=1.0,
+        start_values={"load[1,1]": 1.0, "gain": 1.0},
+        output=["position[1,1]"],
+    )
+    # The memory is 1, 1.5, 1.75, … = 2 − 2^(1−n) after n steps; sin of it is rounded once, here as there.
+    memory = [2.0 - 2.0 ** (1 - n) for n in range(1, 5)]
+    assert result["position[1,1]"].tolist() == [0.0, *np.sin(memory).tolist()]
