@@ -7,6 +7,7 @@ PythonFMU answers an exception with fmi2Fatal and a double free in the host. Not
 they log one sentence instead, and the step that follows is discarded (it is the only call that can report a failure).
 """
 
+import importlib
 import json
 import math
 import pickle
@@ -41,20 +42,23 @@ class Core(Protocol):
 
 
 def _share_modules(resources: Path) -> None:
-    """Let packages that another FMU brought into this process find their modules in this FMU's folder too.
+    """Load the packages from one place, let them find their modules later too, and leave the search path as it was.
 
-    The folder they came from may be deleted before this FMU imports its last module; all FMUs carry the same packages.
+    A process has each package once, from an installation or from the first FMU that needed it. The folder of that FMU
+    may be deleted before the last module is imported: this FMU's folder and an installation are places to look in then.
     """
-    if (entry := str(resources)) in sys.path:
-        sys.path.remove(entry)
-    for name in PACKAGES:
-        package, folder = sys.modules.get(name), resources / name
-        if package is None or not folder.is_dir():
-            continue
-        for gone in [path for path in package.__path__ if not Path(path).is_dir()]:
-            package.__path__.remove(gone)
-        if str(folder) not in package.__path__:
-            package.__path__.append(str(folder))
+    origin = str(Path(scenes.__file__).parents[1])  # the solvers come from where the scenes come from
+    sys.path.insert(0, origin)
+    packages = [importlib.import_module(name) for name in (*PACKAGES, "pythonfmu")]
+    sys.path.remove(origin)
+    if str(resources) in sys.path:
+        sys.path.remove(str(resources))
+    for package in packages:
+        name = package.__name__
+        found = (finder.find_spec(name, None) for finder in sys.meta_path if hasattr(finder, "find_spec"))
+        installed = next((spec.submodule_search_locations or [] for spec in found if spec), [])
+        places = dict.fromkeys([*package.__path__, str(resources / name), *installed])
+        package.__path__ = [place for place in places if Path(place).is_dir()]
 
 
 class CoreFmu(Fmi2Slave):

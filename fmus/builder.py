@@ -23,6 +23,7 @@ from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
 SCENE_DATA = ("*.toml", "*.csv", "SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
+BINARIES = Path("resources", "binaries")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 
 PAGE = """<!DOCTYPE html>
@@ -103,12 +104,8 @@ def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes]) -> byt
     files |= {f"resources/{path}": content for path, content in _package_sources().items()}
     files[f"resources/{script.name}"] = script.read_bytes()
     files["resources/slavemodule.txt"] = script.stem.encode()
-    for binary in sorted((Path(pythonfmu.__file__).parent / "resources" / "binaries").glob("*/*")):
+    for binary in (_pythonfmu() / BINARIES).glob("*/*"):
         files[f"binaries/{binary.parent.name}/{identifier}{binary.suffix}"] = binary.read_bytes()
-    if not any(path.startswith("binaries/") for path in files):
-        raise ValueError(
-            f"PythonFMU in {Path(pythonfmu.__file__).parent} has no binaries; build before loading an FMU."
-        )
     files["documentation/index.html"] = _page(instance).encode()
     instance.modelName, instance.guid = identifier, ""
     digest = hashlib.sha256(_description(instance))
@@ -118,15 +115,21 @@ def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes]) -> byt
     return _zipped({"modelDescription.xml": _description(instance)} | dict(sorted(files.items())))
 
 
+def _pythonfmu() -> Path:
+    """The folder of PythonFMU with its binaries; where an FMU brought a copy along, that has none."""
+    for place in map(Path, pythonfmu.__path__):
+        if (place / BINARIES).is_dir():
+            return place
+    raise ValueError("The binaries of PythonFMU are not found; install pythonfmu to build FMUs.")
+
+
 def _package_sources() -> dict[str, bytes]:
     """Path -> content of every Python file of the project's solver packages and of PythonFMU itself."""
     sources = {}
     for name in (*PACKAGES, "pythonfmu"):
-        spec = importlib.util.find_spec(name)
-        roots = [Path(path) for path in (spec.submodule_search_locations or [] if spec else [])]
-        root = next((path for path in roots if path.is_dir()), None)
-        if root is None:
-            raise ValueError(f"The sources of package {name!r} are not found, so that no FMU can carry them.")
+        root = _pythonfmu() if name == "pythonfmu" else Path(__file__).parents[1] / name
+        if not root.is_dir():
+            raise ValueError(f"The sources in {root} are gone, so that no FMU can carry them; start a new process.")
         for path in root.glob("*.py") if name == "pythonfmu" else root.rglob("*.py"):
             relative = path.relative_to(root)
             if "tests" not in relative.parts and "__pycache__" not in relative.parts:

@@ -96,25 +96,132 @@ class Aitken:
 
 @dataclass
 class IQNILS:
-    """Interface quasi-Newton with an approximate inverse Jacobian from least squares (Degroote, Bathe, Vierendeels 2009).
+    """Interface quasi-Newton with an inverse Jacobian from least squares (Degroote, Bathe & Vierendeels 2009).
 
         c = argmin |D (V c + r)|,   x <- x_tilde + W c
 
-    `omega0` relaxes the very first update, while no column exists; `reuse` is the number q of earlier calls whose columns
-    are kept; `filter` is the relative threshold of the QR2 filter: going from the newest column to the oldest, one is
-    dropped for good when |v_orth| < filter |v|. D weighs every field f with 1/s_f, s_f = sum_k |r_f,k| / |r_k| over the
-    coupling iterations of this call (residual-sum scaling), so that no unit matters.
+    `omega0` relaxes the first update of all, while no column exists. `reuse` is the number q of earlier calls whose
+    columns are kept; a difference is never taken across calls. V is orthogonalised from the newest column to the oldest
+    (Gram-Schmidt, twice), and two tests leave a column out of an update:
+
+    * QR2 filter: |v_orth| < `filter` |v|, relative, hence independent of units.
+    * `gain`, for columns of earlier calls only: |w_orth| > gain max(1, |w_orth| / |v_orth| of this call's columns)
+      |v_orth|. |w_orth| / |v_orth| is what the inverse Jacobian does in a new direction. It is moderate for consistent
+      data; where v_orth is nothing but the change of Jacobian since that call it is large, and the column would do harm.
+      This keeps small but exact columns (linear problems) and rejects small stale ones without a fine-tuned `filter`.
+
+    D weighs field f with 1/s_f, s_f the mean of |r_f| / |r| over the coupling iterations of this call (residual-sum
+    scaling), but at least that of the call before: a field that starts converged must not get a boundless weight.
     """
 
     omega0: float = 0.1
     reuse: int = 10
-    filter: float = 1e-4
+    filter: float = 1e-7
+    stale: float = 1e-4
+    gain: float = 1.0
+    max_columns: int = 100
     _fields: tuple[Field, ...] = field(init=False, default=(slice(None),), repr=False)
-    _V: list[np.ndarray] = field(init=False, default_factory=list, repr=False)
-    _W: list[np.ndarray] = field(init=False, default_factory=list, repr=False)
-    _blocks: deque = field(init=False, repr=False)
+    _blocks: deque = field(init=False, repr=False)  # newest call first; a block lists pairs (v, w), newest first
     _last: tuple[np.ndarray, np.ndarray] | None = field(init=False, default=None, repr=False)
-    _sums: np.ndarray = field(init=False, repr=False)
+    _shares: list[np.ndarray] = field(init=False, default_factory=list, repr=False)
+    _floor: np.ndarray | float = field(init=False, default=0.0, repr=False)
 
     def __post_init__(self) -> None:
         _require_factor("omega0", self.omega0)
+        if not (isinstance(self.reuse, int | np.integer) and self.reuse >= 0):
+            raise ValueError(f"reuse must be a whole number of earlier calls >= 0, got {self.reuse}.")
+        if not (math.isfinite(self.filter) and 0.0 <= self.filter < 1.0):
+            raise ValueError(f"filter must be in [0, 1), got {self.filter}.")
+        if not self.gain > 0.0:
+            raise ValueError(f"gain must be positive (inf turns the test off), got {self.gain}.")
+        if not (isinstance(self.max_columns, int | np.integer) and self.max_columns >= 1):
+            raise ValueError(f"max_columns must be a whole number >= 1, got {self.max_columns}.")
+        self._blocks = deque([[]], maxlen=self.reuse + 1)
+
+    @property
+    def columns(self) -> int:
+        """Number of stored pairs (v, w), of this call and of the reused ones."""
+        return sum(len(block) for block in self._blocks)
+
+    def begin(self, fields: Sequence[Field]) -> None:
+        if len(fields) != len(self._fields):
+            self._floor = 0.0
+        self._fields = tuple(fields)
+        self._last = None
+        self._shares = []
+        if self._blocks[0]:
+            self._blocks.appendleft([])
+            if len(self._blocks) > self.reuse + 1:
+                self._blocks.pop()
+
+    def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Next x = x_tilde + W c, same shape and unit."""
+        x_tilde = x + r
+        self._add(x_tilde, r)
+        norm = np.linalg.norm(r)
+        if norm > 0.0:
+            self._shares.append(np.array([np.linalg.norm(r[f]) for f in self._fields]) / norm)
+        if not any(self._blocks):
+            return x + self.omega0 * r
+        return x_tilde + self._quasi_newton(r)
+
+    def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
+        if status == "diverged":  # what led here is no guide for a restart
+            self._blocks = deque([[]], maxlen=self.reuse + 1)
+            self._floor = 0.0
+        elif self._last is not None:
+            self._add(x + r, r)
+        if self._shares and status == "converged":
+            self._floor = np.mean(self._shares, axis=0)
+        self._last = None
+
+    def _add(self, x_tilde: np.ndarray, r: np.ndarray) -> None:
+        """Insert the differences to the last pair, unless they are zero or not finite."""
+        if self._last is not None:
+            w, v = x_tilde - self._last[0], r - self._last[1]
+            if np.all(np.isfinite(v)) and np.all(np.isfinite(w)) and np.any(v) and np.any(v != w):
+                self._blocks[0].insert(0, (v, w))
+        self._last = (x_tilde, np.array(r))
+
+    def _weights(self, n: int) -> np.ndarray:
+        """1/s_f for the entries of each field, (n,)."""
+        shares = np.mean(self._shares, axis=0) if self._shares else np.zeros(len(self._fields))
+        D = np.ones(n)
+        for f, s in zip(self._fields, np.maximum(shares, self._floor), strict=True):
+            if s > 0.0:
+                D[f] = 1.0 / s
+        return D
+
+    def _quasi_newton(self, r: np.ndarray) -> np.ndarray:
+        """W c of the filtered least squares: with orthonormal q_j and w_orth,j carried along, -sum w_orth,j (q_j.r)."""
+        n, new = r.size, len(self._blocks[0])
+        pairs = [pair for block in self._blocks for pair in block][: self.max_columns]
+        D = self._weights(n)
+        Q, G = np.empty((2, min(len(pairs), n), n))
+        k, largest = 0, 1.0
+        for j, (v, w) in enumerate(pairs):
+            if k == n:
+                break
+            q = D * v
+            size = np.linalg.norm(q)
+            h = Q[:k] @ q
+            q -= h @ Q[:k]
+            correction = Q[:k] @ q
+            q -= correction @ Q[:k]
+            rho = np.linalg.norm(q)
+            if not rho > self.filter * size:
+                continue
+            g = (D * w - (h + correction) @ G[:k]) / rho
+            gain = float(np.linalg.norm(g))
+            if j > 0 and j >= new and rho < self.stale * size and gain > self.gain * largest:
+                continue
+            if j < new:
+                largest = max(largest, gain)
+            Q[k], G[k] = q / rho, g
+            k += 1
+        return -((Q[:k] @ (D * r)) @ G[:k]) / D
+
+
+def _require_factor(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value != 0.0):
+        raise ValueError(f"{name} must be finite and not zero, got {value}.")

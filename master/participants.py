@@ -196,7 +196,9 @@ class FmuParticipant(Blocks):
             fmu = FMU2Slave(guid=description.guid, requireFunctions=False, **where)
             fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
-            raise ValueError(f"{path} cannot be instantiated: {self._reason or error}") from error
+            raise ValueError(
+                f"{path} cannot be instantiated: {' '.join((self._reason or str(error)).split())}"
+            ) from error
         finally:
             os.chdir(before)  # fmpy leaves the working directory when a library does not load
         self._fmu, self._component = fmu, fmu.component

@@ -6,6 +6,14 @@ import fmpy
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
+LOGS = {}  # environment -> messages; fmpy's proxy keeps one logger for the process, so that this one serves all
+
+
+@fmi2CallbackLoggerTYPE
+def listen(environment, _instance, status, _category, text):
+    """Keep what an FMU logs."""
+    LOGS[environment].append((status, text.decode()))
+
 
 class Importer:
     """One instance of an FMU; `log` holds (status, message)."""
@@ -16,8 +24,8 @@ class Importer:
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self.log = []
         self.callbacks = fmi2CallbackFunctions()
-        self._logger = fmi2CallbackLoggerTYPE(lambda _e, _i, status, _c, text: self.log.append((status, text.decode())))
-        self.callbacks.logger = self._logger
+        self.callbacks.logger, self.callbacks.componentEnvironment = listen, len(LOGS) + 1
+        LOGS[len(LOGS) + 1] = self.log
         addLoggerProxy(fmpy.fmi2.byref(self.callbacks))
         self.slave = FMU2Slave(
             guid=self.description.guid,

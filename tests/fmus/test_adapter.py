@@ -97,7 +97,7 @@ def test_no_output_depends_on_an_input_at_a_communication_point(toy):
 
 
 def test_any_order_of_value_references_reaches_the_same_scalars(toy):
-    names = toy.names("load") + ["gain"]
+    names = [*toy.names("load"), "gain"]
     values = dict(zip(names, np.arange(1.0, 8.0), strict=True))
     for order in ([6, 3, 0, 4, 1, 5, 2], [0, 1, 2, 3, 4, 5, 6], [0, 2, 1, 3, 4, 5, 6]):
         picked = [names[i] for i in order]

@@ -1,0 +1,155 @@
+"""FMUs of both kinds sharing a process, and processes that know nothing of this project."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fmus
+import scenes
+from tests.fmus.importer import Importer
+
+EXCHANGES = 3
+
+# Explicit exchange with fmpy alone; `-I` hides this folder and PYTHONPATH from the interpreter.
+SCRIPT = """
+import shutil, sys
+import fmpy
+from fmpy.fmi2 import FMU2Slave
+
+def start(path):
+    folder = fmpy.extract(path)
+    description = fmpy.read_model_description(folder)
+    slave = FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier,
+                      unzipDirectory=folder, instanceName="x")
+    slave.instantiate(loggingOn=True)
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    references = {}
+    for variable in description.modelVariables:
+        references.setdefault(variable.name.partition("[")[0], []).append(variable.valueReference)
+    return slave, references, folder
+
+def end(slave, folder):
+    slave.terminate()
+    slave.freeInstance()
+    shutil.rmtree(folder)
+
+paths = sys.argv[1:3]
+structural, s, structural_folder = start(paths[0])
+assert sys.modules["scenes"].__file__.startswith(structural_folder.__fspath__()), "packages come from the FMU"
+if sys.argv[3] == "alone":  # the folder that the packages came from goes before the aerodynamic FMU is made
+    end(structural, structural_folder)
+    structural, s, structural_folder = start(paths[0])
+aero, a, aero_folder = start(paths[1])
+shared = [name for name in a if name in s and name in ("pressure", "shear")]
+for k in range(int(sys.argv[4])):
+    aero.doStep(float(k), 1.0)
+    for name in shared:
+        structural.setReal(s[name], aero.getReal(a[name]))
+    structural.doStep(float(k), 1.0)
+    aero.setReal(a["displacement"], structural.getReal(s["displacement"]))
+displacement = structural.getReal(s["displacement"])
+end(structural, structural_folder)
+aero.doStep(9.0, 1.0)
+print([value.hex() for value in displacement + aero.getReal(a["pressure"])])
+end(aero, aero_folder)
+"""
+
+
+def exchanged(scene):
+    """The same exchange by the solver cores of this process: displacements, then the pressures that follow."""
+    structural, aero = scene.structural_core(), scene.aero_core()
+    loads = [v.name for v in aero.variables if v.name in ("pressure", "shear")]
+    for k in range(EXCHANGES):
+        aero.step(float(k), 1.0)
+        for name in loads:
+            structural.set(name, aero.get(name))
+        structural.step(float(k), 1.0)
+        aero.set("displacement", structural.get("displacement"))
+    displacement = np.ravel(structural.get("displacement")).tolist()
+    aero.step(9.0, 1.0)
+    return displacement + np.ravel(aero.get("pressure")).tolist()
+
+
+@pytest.mark.parametrize("order", ["together", "alone"])
+def test_a_process_that_knows_only_fmpy_gets_the_same_numbers_to_the_last_bit(scene, scene_paths, tmp_path, order):
+    done = subprocess.run(
+        [sys.executable, "-I", "-W", "error", "-c", SCRIPT, *map(str, scene_paths), order, str(EXCHANGES)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [float.fromhex(text.strip(" '")) for text in done.stdout.splitlines()[-1][1:-1].split(",")] == exchanged(
+        scene
+    )
+
+
+def test_an_fmu_in_this_process_uses_the_packages_that_are_loaded_and_leaves_the_path_alone(scene_paths):
+    before = list(sys.path), scenes.__file__, fmus.__file__
+    with Importer(scene_paths[0]) as structural, Importer(scene_paths[1]) as aero:
+        for slave in (structural.slave, aero.slave):
+            slave.doStep(0.0, 1.0)
+        assert (list(sys.path), sys.modules["scenes"].__file__, sys.modules["fmus"].__file__) == before
+
+
+def test_two_instances_of_each_kind_do_not_see_each_other(scene_paths):
+    with (
+        Importer(scene_paths[0]) as loaded,
+        Importer(scene_paths[1]) as aero,
+        Importer(scene_paths[0]) as unloaded,
+        Importer(scene_paths[1]) as other,
+    ):
+        aero.slave.doStep(0.0, 1.0)
+        pressure = aero.get("pressure")
+        assert other.get("pressure") == [0.0] * len(pressure)
+        loaded.set(pressure=pressure)
+        for structural in (loaded, unloaded):
+            structural.slave.doStep(0.0, 1.0)
+        other.slave.doStep(0.0, 1.0)
+        assert other.get("pressure") == pressure  # the same problem gives the same bits
+        assert loaded.get("displacement") != unloaded.get("displacement")
+        assert unloaded.get("pressure") == [0.0] * len(pressure)
+
+
+LATE = """
+import sys
+from pathlib import Path
+from master.participants import FmuParticipant
+{first}
+with FmuParticipant(sys.argv[1]) as structural:
+    structural.step(0.0, 1.0)
+import scenes
+from fmus.builder import build
+scene = scenes.load(sys.argv[3])
+assert build(scene, sys.argv[2])[0].read_bytes() == Path(sys.argv[1]).read_bytes()
+scene.aero_core().step(0.0, 1.0)
+"""
+
+
+@pytest.mark.parametrize("first", ["", "import scenes"])
+def test_the_project_works_on_in_a_process_where_an_fmu_brought_its_packages_first(scene, scene_paths, tmp_path, first):
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-W",
+            "error",
+            "-c",
+            LATE.format(first=first),
+            str(scene_paths[0]),
+            str(tmp_path),
+            str(scene.folder),
+        ],
+        cwd=Path(fmus.__file__).parents[1],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
