@@ -105,10 +105,10 @@ class IQNILS:
     (Gram-Schmidt, twice), and two tests leave a column out of an update:
 
     * QR2 filter: |v_orth| < `filter` |v|, relative, hence independent of units.
-    * `gain`, for columns of earlier calls only: |w_orth| > gain max(1, |w_orth| / |v_orth| of this call's columns)
-      |v_orth|. |w_orth| / |v_orth| is what the inverse Jacobian does in a new direction. It is moderate for consistent
-      data; where v_orth is nothing but the change of Jacobian since that call it is large, and the column would do harm.
-      This keeps small but exact columns (linear problems) and rejects small stale ones without a fine-tuned `filter`.
+    * For columns of earlier calls: |v_orth| < `stale` |v| and |w_orth| / |v_orth| > max(1, the same of this call's
+      columns). The quotient is what the inverse Jacobian does in a new direction, moderate for consistent data. Where
+      v_orth is little more than the change of Jacobian since that call, it is large and the column would do harm. So
+      small but exact columns of linear problems stay, small stale ones go, and `filter` can be tight for both.
 
     D weighs field f with 1/s_f, s_f the mean of |r_f| / |r| over the coupling iterations of this call (residual-sum
     scaling), but at least that of the call before: a field that starts converged must not get a boundless weight.
@@ -116,9 +116,8 @@ class IQNILS:
 
     omega0: float = 0.1
     reuse: int = 10
-    filter: float = 1e-7
+    filter: float = 1e-8
     stale: float = 1e-4
-    gain: float = 1.0
     max_columns: int = 100
     _fields: tuple[Field, ...] = field(init=False, default=(slice(None),), repr=False)
     _blocks: deque = field(init=False, repr=False)  # newest call first; a block lists pairs (v, w), newest first
@@ -132,8 +131,8 @@ class IQNILS:
             raise ValueError(f"reuse must be a whole number of earlier calls >= 0, got {self.reuse}.")
         if not (math.isfinite(self.filter) and 0.0 <= self.filter < 1.0):
             raise ValueError(f"filter must be in [0, 1), got {self.filter}.")
-        if not self.gain > 0.0:
-            raise ValueError(f"gain must be positive (inf turns the test off), got {self.gain}.")
+        if not (math.isfinite(self.stale) and 0.0 <= self.stale < 1.0):
+            raise ValueError(f"stale must be in [0, 1), got {self.stale}.")
         if not (isinstance(self.max_columns, int | np.integer) and self.max_columns >= 1):
             raise ValueError(f"max_columns must be a whole number >= 1, got {self.max_columns}.")
         self._blocks = deque([[]], maxlen=self.reuse + 1)
@@ -150,38 +149,37 @@ class IQNILS:
         self._last = None
         self._shares = []
         if self._blocks[0]:
-            self._blocks.appendleft([])
-            if len(self._blocks) > self.reuse + 1:
-                self._blocks.pop()
+            self._blocks.appendleft([])  # the deque lets the oldest go
 
     def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Next x = x_tilde + W c, same shape and unit."""
-        x_tilde = x + r
-        self._add(x_tilde, r)
+        self._add(x, r)
         norm = np.linalg.norm(r)
         if norm > 0.0:
             self._shares.append(np.array([np.linalg.norm(r[f]) for f in self._fields]) / norm)
         if not any(self._blocks):
             return x + self.omega0 * r
-        return x_tilde + self._quasi_newton(r)
+        return x + r + self._quasi_newton(r)
 
     def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
         if status == "diverged":  # what led here is no guide for a restart
             self._blocks = deque([[]], maxlen=self.reuse + 1)
             self._floor = 0.0
         elif self._last is not None:
-            self._add(x + r, r)
+            self._add(x, r)
         if self._shares and status == "converged":
             self._floor = np.mean(self._shares, axis=0)
         self._last = None
 
-    def _add(self, x_tilde: np.ndarray, r: np.ndarray) -> None:
-        """Insert the differences to the last pair, unless they are zero or not finite."""
+    def _add(self, x: np.ndarray, r: np.ndarray) -> None:
+        """Insert the differences to the last pair, unless they are zero, mere rounding of x, or not finite."""
         if self._last is not None:
-            w, v = x_tilde - self._last[0], r - self._last[1]
-            if np.all(np.isfinite(v)) and np.all(np.isfinite(w)) and np.any(v) and np.any(v != w):
+            dx, v = x - self._last[0], r - self._last[1]
+            w = x + r - (self._last[0] + self._last[1])
+            moved = np.linalg.norm(dx) > 2.0 * np.finfo(float).eps * np.linalg.norm(x)
+            if moved and np.any(v) and np.all(np.isfinite(v)) and np.all(np.isfinite(w)):
                 self._blocks[0].insert(0, (v, w))
-        self._last = (x_tilde, np.array(r))
+        self._last = (np.array(x), np.array(r))
 
     def _weights(self, n: int) -> np.ndarray:
         """1/s_f for the entries of each field, (n,)."""
@@ -195,6 +193,8 @@ class IQNILS:
     def _quasi_newton(self, r: np.ndarray) -> np.ndarray:
         """W c of the filtered least squares: with orthonormal q_j and w_orth,j carried along, -sum w_orth,j (q_j.r)."""
         n, new = r.size, len(self._blocks[0])
+        if any(v.size != n for block in self._blocks for v, _ in block[:1]):
+            raise ValueError(f"The stored columns do not have the {n} entries of x; pass a fresh IQNILS.")
         pairs = [pair for block in self._blocks for pair in block][: self.max_columns]
         D = self._weights(n)
         Q, G = np.empty((2, min(len(pairs), n), n))
@@ -213,7 +213,7 @@ class IQNILS:
                 continue
             g = (D * w - (h + correction) @ G[:k]) / rho
             gain = float(np.linalg.norm(g))
-            if j > 0 and j >= new and rho < self.stale * size and gain > self.gain * largest:
+            if j >= max(new, 1) and rho < self.stale * size and gain > largest:
                 continue
             if j < new:
                 largest = max(largest, gain)

@@ -53,17 +53,18 @@ def fixed_point(
 ) -> FixedPointResult:
     """Solve x = G(x) from x0 with an acceleration scheme.
 
-    Converged means |r|_2 <= atol + rtol |x_tilde|_2 + residual_rtol |r_1|_2 in every field, r = x_tilde - x; a tolerance
-    is one number or one per field (mapping by name, or sequence in the order of `fields`). r_1 is the first residual of
-    the field that is not zero to rounding, and a residual that is zero to rounding has converged. `fields` maps names to
-    slices or index arrays of the flattened x and covers it exactly once. `callback(k, x, x_tilde, r)` follows each
+    Converged means |r|_2 <= atol + rtol |x_tilde|_2 + residual_rtol |r_1|_2 in every field, with r = x_tilde - x. A
+    tolerance is one number or one per field (mapping by name, or sequence in the order of `fields`). r_1 is the first
+    residual of the field that is not zero to rounding; one that is zero to rounding has converged. `fields` maps names
+    to slices or index arrays of the flattened x and covers it exactly once. `callback(k, x, x_tilde, r)` follows each
     evaluation.
 
     Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
     (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 % within
-    the last `stall_window` evaluations (0: never). Every other exception of G passes through; floating-point warnings in
-    G are silent, because the outcome is checked. Bad arguments raise ValueError.
+    the last `stall_window` evaluations (0: never), nor is m on its way down from a transient, that is the smallest m of
+    the recent half of the window is not 10 % below that of the older half. Every other exception of G passes through.
+    Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise ValueError.
     """
     x = np.array(x0, dtype=float)
     shape = x.shape
@@ -75,7 +76,9 @@ def fixed_point(
     if not growth_limit > 1.0 or stall_window < 0:
         raise ValueError("growth_limit must be above 1 and stall_window not negative.")
     names, parts = _partition(fields, x.size)
-    test = _Test(names, *(_per_field(*t, names) for t in (("atol", atol), ("rtol", rtol), ("residual_rtol", residual_rtol))))
+    test = _Test(
+        names, *(_per_field(*t, names) for t in (("atol", atol), ("rtol", rtol), ("residual_rtol", residual_rtol)))
+    )
 
     norms: list[float] = []
     field_norms: list[np.ndarray] = []
@@ -104,7 +107,7 @@ def fixed_point(
             status = "diverged"
             message = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
             break
-        if stall_window and k - test.progressed_at > stall_window:
+        if stall_window and test.stalled(int(stall_window)):
             status, message = "stalled", f"The residual has not fallen during the last {stall_window} evaluations of G."
             break
         if k == max_iterations:
@@ -140,10 +143,10 @@ class _Test:
         self.converged = False
         self.first = 0.0
         self.best = math.inf
-        self.evaluations = self.progressed_at = 0
+        self.progressed_at = 0
+        self.history: list[float] = []
 
     def measure(self, r: np.ndarray, size: np.ndarray) -> float:
-        self.evaluations += 1
         significant = r > ROUNDING * size
         self.reference = np.where((self.reference == 0.0) & significant, r, self.reference)
         tolerance = self.atol + self.rtol * size + self.residual_rtol * self.reference
@@ -154,8 +157,16 @@ class _Test:
         if self.first == 0.0:
             self.first = m
         if m < 0.99 * self.best:
-            self.best, self.progressed_at = m, self.evaluations
+            self.best, self.progressed_at = m, len(self.history) + 1
+        self.history.append(m)
         return m
+
+    def stalled(self, window: int) -> bool:
+        if len(self.history) - self.progressed_at <= window:
+            return False
+        recent = max(1, window // 2)
+        older = self.history[-window:-recent]
+        return not older or min(self.history[-recent:]) >= 0.9 * min(older)
 
 
 def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> tuple[np.ndarray, str]:

@@ -46,6 +46,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
 
+    Where the elements are so stiff that rounding of their lengths alone makes larger forces, that rounding is the tolerance.
+
     Newton on K + mu S, S the mean stiffness. The shift mu is tied to the residual and adapts to how well the step did
     (Levenberg-Marquardt; quadratic convergence at the end also with mechanisms). Steps are capped at `step_limit` m per
     node, and shortened until the out-of-balance force along them no longer grows: for tension-only members under dead
@@ -57,6 +59,7 @@ def equilibrium(
     r, k, external = assembly.residual_and_tangent(q, prepared)
     norm = float(np.linalg.norm(r))
     norms = [norm]
+    atol = max(atol, rounding_force(chains))
     damping = 0.0 if norm < 1e3 * (atol + rtol * external) else 1.0
     status = "max_iterations"
     rejected = 0
@@ -92,6 +95,11 @@ def equilibrium(
         norm = new_norm
         norms.append(norm)
     return Equilibrium(u.expand(q), status, len(norms) - 1, tuple(norms))
+
+
+def rounding_force(chains):
+    """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0||."""
+    return 4.0 * np.finfo(float).eps * float(np.sqrt(sum(np.sum((c.k * c.l0) ** 2) for c in chains)))
 
 
 def _step(k, r, norm, damping, external, assembly):

@@ -1,0 +1,5 @@
+"""`python -m master` is `kitecosim`."""
+
+from master.cli import main
+
+main()

@@ -1,0 +1,103 @@
+"""Command line: `kitecosim run|build|scenes`. The only place of the master that reaches scenes and FMU builder."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Aero-structural co-simulation of soft kites: a structural and an aerodynamic FMU, coupled to equilibrium.",
+)
+
+SceneArgument = Annotated[str, typer.Argument(help="Name of a built-in scene (see `kitecosim scenes`) or a scene folder.")]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting or parameter of the scene; vectors as 1,0,0. Repeatable."),
+]
+
+
+@app.command()
+def run(
+    scene: SceneArgument,
+    scheme: Annotated[str, typer.Option(help="explicit, relaxation, aitken or iqn-ils.")] = "iqn-ils",
+    backend: Annotated[str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")] = "fmu",
+    set_: SetOption = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results [results/SCENE].")] = None,
+    relaxation: Annotated[
+        float | None, typer.Option(help="Factor of relaxation; first factor of aitken and iqn-ils.")
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")] = 1e-6,
+    force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
+    max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
+    stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
+) -> None:
+    """Couple structure and flow of SCENE to equilibrium; print a table and write summary.json and tables.
+
+    Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input.
+    """
+    from master.commands import run_scene
+
+    choices = {
+        "scheme": scheme,
+        "backend": backend,
+        "relaxation": relaxation,
+        "tolerance": tolerance,
+        "force_tolerance": force_tolerance,
+        "max_iterations": max_iterations,
+        "stability": stability,
+    }
+    _finish(lambda: run_scene(scene, choices, _assignments(set_), out))
+
+
+@app.command()
+def build(
+    scene: SceneArgument,
+    out: Annotated[Path, typer.Option(help="Folder for the FMUs.")] = Path("results/fmus"),
+    set_: SetOption = None,
+) -> None:
+    """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
+    from master.commands import build_scene
+
+    _finish(lambda: build_scene(scene, _assignments(set_), out))
+
+
+@app.command()
+def scenes() -> None:
+    """List the built-in scenes with their settings, parameters and interface sizes."""
+    from master.commands import list_scenes
+
+    _finish(list_scenes)
+
+
+def _assignments(pairs: list[str] | None) -> dict[str, str]:
+    assigned = {}
+    for pair in pairs or []:
+        name, equals, value = pair.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise ValueError(f"--set takes NAME=VALUE, for example --set wind_speed=12; '{pair}' is not of that form.")
+        assigned[name.strip()] = value.strip()
+    return assigned
+
+
+def _finish(command: Any) -> None:
+    """Run a command; bad input becomes one sentence on standard error and exit code 2."""
+    try:
+        code = command()
+    except (ValueError, OSError) as error:
+        typer.echo(f"kitecosim: {error}", err=True)
+        raise typer.Exit(2) from None
+    if code:
+        raise typer.Exit(code)
+
+
+def main() -> None:
+    """Entry point of the `kitecosim` script."""
+    app(prog_name="kitecosim")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

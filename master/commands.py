@@ -1,0 +1,246 @@
+"""What the commands of the command line do: from words to scenes, participants, runs and files."""
+
+import contextlib
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from master.coupling import SCHEMES, Coupling
+from master.participants import FmuParticipant, InProcessParticipant
+from master.report import versions, write_history, write_json, write_state
+from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, Run, coupled_run, summary
+
+BACKENDS = ("fmu", "in-process")
+
+
+def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out: Path | None) -> int:
+    """Run a scene, print its table, write its files; the exit code."""
+    _checked(choices)
+    begin = time.perf_counter()
+    scene, parameters, trim = _prepared(name, assigned)
+    out = out or Path("results") / scene.name
+    out.mkdir(parents=True, exist_ok=True)
+    given = {**parameters, **({} if trim is None else {"trim_angle": trim})}
+    options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
+    with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
+        ready = time.perf_counter()
+        run = coupled_run(coupling, _scheme(choices), choices["stability"], progress, **options)
+    settings = {
+        "scene": scene.name,
+        **choices,
+        "scene_settings": scene.settings,
+        "parameters_set": given,
+        "parameters": {
+            f"{label}.{v.name}": run.blocks[label][v.name]
+            for label, core in (("structural", scene.structural_core()), ("aero", scene.aero_core()))
+            for v in core.variables
+            if v.causality == "parameter"
+        },
+    }
+    content = summary(run, settings)
+    content["versions"] = versions()
+    content["wall_time_s"]["set_up"] = ready - begin
+    core = scene.structural_core()
+    blocks = {**run.blocks["aero"], **run.blocks["structural"]}
+    write_history(out / "history.csv", run.result.history)
+    write_state(out, blocks, {"position": core.node_names, "tension": core.element_names}, scene.interface.nodes)
+    write_json(out / "summary.json", content)
+    print_table(scene, run, content, core, out)
+    return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
+
+
+def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
+    """Build the two FMUs of a scene; the exit code."""
+    from fmus.builder import build
+
+    scene, parameters, trim = _prepared(name, assigned)
+    given = {**parameters, **({} if trim is None else {"trim_angle": trim})}
+    for path in build(scene, out, given):
+        print(path)
+    return 0
+
+
+def list_scenes() -> int:
+    """Print the built-in scenes and what each one needs; the exit code."""
+    import scenes
+
+    for name in scenes.available():
+        scene = scenes.load(name)
+        print(f"{name}: {scene.content['title']}")
+        print(f"  {scene.content['description']}")
+        print(f"  interface: {len(scene.interface.nodes)} nodes, {len(scene.interface.panels)} panels")
+        for key, option in scene.content["settings"].items():
+            choices = f" ({' | '.join(map(str, option['options']))})" if "options" in option else ""
+            print(f"  setting   {key} = {option['default']}{choices}  {option.get('description', '')}")
+        shown = set()
+        for core in (scene.structural_core(), scene.aero_core()):
+            for v in core.variables:
+                if v.causality == "parameter" and v.name not in shown:
+                    shown.add(v.name)
+                    start = ",".join(f"{x:g}" for x in np.atleast_1d(np.broadcast_to(v.start, v.shape)))
+                    unit = "" if v.unit == "1" else f" {v.unit}"
+                    print(f"  parameter {v.name} = {start}{unit}  {v.description}")
+    return 0
+
+
+def _checked(choices: dict[str, Any]) -> None:
+    if choices["scheme"] not in SCHEMES:
+        raise ValueError(f"there is no scheme '{choices['scheme']}'; choose one of: {', '.join(SCHEMES)}.")
+    if choices["backend"] not in BACKENDS:
+        raise ValueError(f"there is no backend '{choices['backend']}'; choose one of: {', '.join(BACKENDS)}.")
+    for key in ("tolerance", "force_tolerance"):
+        if not (np.isfinite(choices[key]) and choices[key] > 0.0):
+            raise ValueError(f"--{key.replace('_', '-')} must be a number above zero, not {choices[key]}.")
+    if choices["max_iterations"] < 1:
+        raise ValueError(f"--max-iterations must be at least 1, not {choices['max_iterations']}.")
+    factor = choices["relaxation"]
+    if factor is not None and not (np.isfinite(factor) and factor > 0.0):
+        raise ValueError(f"--relaxation must be a number above zero, not {factor}.")
+    if factor is not None and choices["scheme"] == "explicit":
+        raise ValueError("--relaxation does not go with the explicit scheme; use --scheme relaxation.")
+
+
+def _scheme(choices: dict[str, Any]) -> Any:
+    from master.acceleration import IQNILS, Aitken, ConstantRelaxation
+
+    factor = choices["relaxation"]
+    if factor is None:
+        return SCHEMES[choices["scheme"]]()
+    given = {"relaxation": ConstantRelaxation, "aitken": Aitken}
+    return IQNILS(omega0=factor) if choices["scheme"] == "iqn-ils" else given[choices["scheme"]](factor)
+
+
+def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], float | None]:
+    """The scene with its settings, checked parameter values, and the trim angle (None where the scene has none)."""
+    import scenes
+
+    defaults = scenes.load(name)
+    settings = {k: v for k, v in assigned.items() if k in defaults.content["settings"]}
+    scene = scenes.load(name, settings) if settings else defaults
+    cores = scene.structural_core(), scene.aero_core()
+    parameters: dict[str, Any] = {}
+    for key, text in assigned.items():
+        if key in settings:
+            continue
+        owners = [(c, v) for c in cores for v in c.variables if v.name == key and v.causality == "parameter"]
+        if not owners:
+            known = sorted({v.name for c in cores for v in c.variables if v.causality == "parameter"})
+            chosen = ", ".join([*defaults.content["settings"], *known])
+            raise ValueError(f"scene '{scene.name}' has no setting or parameter '{key}'; it has: {chosen}.")
+        value = _number(key, text, owners[0][1])
+        for core, _ in owners:
+            core.set(key, value)
+        parameters[key] = value
+    if scene.content["trim"] is None or "trim_angle" in parameters:
+        return scene, parameters, None
+    return scene, parameters, scene.trim_angle(parameters)
+
+
+def _number(key: str, text: str, variable: Any) -> Any:
+    words = {"true": 1.0, "yes": 1.0, "on": 1.0, "false": 0.0, "no": 0.0, "off": 0.0}
+    try:
+        if variable.kind == "boolean" and text.lower() in words:
+            return words[text.lower()]
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        kind = "true or false" if variable.kind == "boolean" else "a number"
+        raise ValueError(f"--set {key}={text}: {key} takes {kind} (vectors as 1,0,0).") from None
+    return values[0] if variable.shape == () and len(values) == 1 else np.array(values)
+
+
+@contextlib.contextmanager
+def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
+    """The two participants of a scene, coupled; they are closed at the end."""
+    with contextlib.ExitStack() as stack:
+        if backend == "fmu":
+            from fmus.builder import build
+
+            paths = build(scene, out / "fmus", parameters)
+            structural, aero = (stack.enter_context(FmuParticipant(path)) for path in paths)
+        else:
+            pair = []
+            for core in (scene.structural_core(), scene.aero_core()):
+                names = {v.name for v in core.variables}
+                own = {k: v for k, v in parameters.items() if k in names}
+                pair.append(InProcessParticipant(core, own))
+            structural, aero = pair
+        yield Coupling(structural, aero)
+
+
+@contextlib.contextmanager
+def _progress(tolerance: float) -> Iterator[Any]:
+    """A line that follows the coupling iterations on a terminal; nothing elsewhere."""
+    import sys
+
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("coupling ...") as status:
+        yield lambda k, r: status.update(f"coupling iteration {k}: residual {r:.3e} m (tolerance {tolerance:.0e} m)")
+
+
+def print_table(scene: Any, run: Run, content: dict[str, Any], core: Any, out: Path) -> None:
+    """The result of a run as a table on standard output."""
+    from rich.console import Console
+    from rich.table import Table
+
+    aero, structural, result = run.blocks["aero"], run.blocks["structural"], run.result
+    table = Table(title=f"{scene.content['title']}: {run.status}", show_header=False, title_justify="left")
+    rows = [
+        ("scheme, backend", f"{content['scheme']}, {content['backend']}"),
+        ("coupling iterations", f"{result.iterations}"),
+        ("interface residual", f"{result.residual:.2e} m"),
+        ("out-of-balance force", f"{result.residual_N:.2e} N"),
+        ("statically stable", _stability_text(run)),
+        ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
+        ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} (area "
+                     f"{scene.content['aero']['reference_area']:g} m2)"),
+        ("angle of attack", f"{np.rad2deg(float(aero['alpha_mid'])):.3f} deg (mid-span chord to the wind)"),
+        ("tip span", f"{float(aero['tip_span']):.4f} m"),
+        ("aerodynamic force", _vector(aero["force"]) + " N"),
+        ("force on supports", f"{_vector(structural['support_force'])} N, "
+                              f"{np.linalg.norm(structural['support_force']):.2f} N in all"),
+    ]  # fmt: skip
+    tension = structural["tension"]
+    lines = [i for c in scene.members.chains for i in c.names]
+    one_way = np.concatenate([~c.two_way for c in scene.members.chains])
+    if one_way.any():
+        most = np.flatnonzero(one_way)[np.argmax(tension[one_way])]
+        rows.append(("largest line tension", f"{tension[most]:.1f} N in {lines[most]}"))
+        slack = [lines[i] for i in np.flatnonzero(one_way & (tension <= 0.0))]
+        rows.append(("slack lines", ", ".join(slack) or "none"))
+    wall = content["wall_time_s"]
+    rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
+    for row in rows:
+        table.add_row(*row)
+    console = Console(highlight=False, width=None if _wide() else 110)
+    console.print(table)
+    for remark in run.remarks:
+        console.print(f"note: {remark}")
+    if run.status != "converged":
+        console.print(f"{run.status}: {run.message}", soft_wrap=True)
+    console.print(f"written: {out}/summary.json, history.csv, nodes.csv, elements.csv, interface.csv, panels.csv", soft_wrap=True)
+
+
+def _wide() -> bool:
+    import sys
+
+    return sys.stdout.isatty()
+
+
+def _vector(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{v + 0.0:.2f}" for v in values) + ")"
+
+
+def _stability_text(run: Run) -> str:
+    judged = run.stability
+    if judged is None:
+        return "not judged"
+    answer = {True: "yes", False: "no", None: "undecided"}[judged.statically_stable]
+    scope = ", symmetric motions only" if judged.symmetric_only else ""
+    return f"{answer} (rightmost eigenvalue of the coupled map {judged.eigenvalue:.3f}{scope})"

@@ -1,0 +1,189 @@
+"""Two participants and one coupling loop: displacement to the flow, loads to the structure, until they agree."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from master.acceleration import IQNILS, Aitken, ConstantRelaxation, Scheme
+from master.fixed_point import FixedPointResult, fixed_point
+from master.participants import Participant, StepFailed
+
+SCHEMES: dict[str, Callable[[], Scheme]] = {
+    "explicit": lambda: ConstantRelaxation(1.0),
+    "relaxation": lambda: ConstantRelaxation(0.25),
+    "aitken": lambda: Aitken(0.5),
+    "iqn-ils": lambda: IQNILS(omega0=0.5),
+}
+# Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
+# solves than 1e-4 N turn quasi-Newton columns into noise, and below 1e-8 N rounding of the forces takes over.
+LOOSEST, TIGHTEST, PER_METRE = 1e-4, 1e-8, 1e-2
+
+
+class _CoupledStepFailed(ArithmeticError):
+    """A participant refused its step; the loop ends as diverged and keeps its history."""
+
+
+@dataclass
+class Coupling:
+    """The coupled map G: interface displacement (n,3) m -> displacement of the structure under the loads on that shape.
+
+    One evaluation is one communication step in pseudo-time `dt` s of both participants; they keep their warm starts.
+    """
+
+    structural: Participant
+    aero: Participant
+    dt: float = 1.0
+    time: float = 0.0
+    evaluations: int = 0
+    seconds: dict[str, float] = field(default_factory=lambda: {"structural": 0.0, "aero": 0.0})
+
+    def __post_init__(self) -> None:
+        offered = {b for b, c in self.aero.causality.items() if c == "output"}
+        wanted = [b for b, c in self.structural.causality.items() if c == "input"]
+        missing = [b for b in wanted if b not in offered]
+        if missing or "displacement" not in self.aero.blocks or "displacement" not in self.structural.blocks:
+            raise ValueError(
+                f"the participants do not fit: the structure needs {', '.join(wanted)}, the flow offers "
+                f"{', '.join(sorted(offered))}, and both need displacement."
+            )
+        for block in [*wanted, "displacement"]:
+            if self.structural.blocks[block] != self.aero.blocks[block]:
+                raise ValueError(
+                    f"the participants do not fit: {block} has shape {self.structural.blocks[block]} in the structure and "
+                    f"{self.aero.blocks[block]} in the flow; build both from one scene with one set of settings."
+                )
+        self._loads = wanted
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """Displacement (n,3) m of the structure under the loads on the wing displaced by x (n,3) m."""
+        self.evaluations += 1
+        try:
+            start = time.perf_counter()
+            self.aero.set("displacement", x)
+            self.aero.step(self.time, self.dt)
+            middle = time.perf_counter()
+            self.seconds["aero"] += middle - start
+            for block in self._loads:
+                self.structural.set(block, self.aero.get(block))
+            self.structural.step(self.time, self.dt)
+            self.seconds["structural"] += time.perf_counter() - middle
+        except StepFailed as error:
+            raise _CoupledStepFailed(str(error)) from error
+        self.time += self.dt
+        return self.structural.get("displacement")
+
+    def set_tolerance(self, newtons: float) -> None:
+        """Give the structure the tolerance that the coupling loop needs now, where it has one."""
+        if "solver_tolerance" in self.structural.blocks:
+            self.structural.set("solver_tolerance", newtons)
+
+    def imbalance(self, x: np.ndarray) -> float:
+        """Norm N of f_int(x) - f_aero(x) - f_ext with the flow evaluated at x, the present shape of the structure.
+
+        The structure reports it as the residual before its first Newton iteration; its state is put back afterwards.
+        """
+        state = self.structural.save()
+        try:
+            self(x)
+            return float(self.structural.get("imbalance"))
+        finally:
+            self.structural.restore(state)
+            self.structural.free(state)
+
+    def scalars(self) -> dict[str, float]:
+        """All scalar outputs of both participants."""
+        out = {}
+        for label, participant in (("structural", self.structural), ("aero", self.aero)):
+            for block, shape in participant.blocks.items():
+                if shape == () and participant.causality[block] == "output":
+                    out[f"{label}.{block}"] = float(participant.get(block))
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledResult:
+    """A coupled solution: the last `fixed_point` result, the history of all evaluations, and the true residual.
+
+    `displacement` (n,3) m is the reported shape, `residual_N` the out-of-balance force there with the flow evaluated
+    again; `history` has a row per coupling iteration; `seconds` total and of each participant.
+    """
+
+    displacement: np.ndarray
+    status: str
+    message: str
+    iterations: int
+    residual: float
+    residual_N: float
+    history: list[dict[str, float]]
+    seconds: dict[str, float]
+    first_residual: float
+    fixed_point: FixedPointResult = field(repr=False)
+
+
+def solve(
+    coupling: Coupling,
+    scheme: Scheme,
+    atol: float = 1e-6,
+    force_tolerance: float = 0.01,
+    max_iterations: int = 200,
+    progress: Callable[[int, float], Any] | None = None,
+    tie_tolerance: bool = True,
+) -> CoupledResult:
+    """The coupled equilibrium from the structure's present displacement.
+
+    Converged means ||x_tilde - x||_2 <= `atol` m over all interface entries and an out-of-balance force of at most
+    `force_tolerance` N with the flow evaluated again at the reported shape; where the first does not bring the second,
+    `atol` is tightened. The structural tolerance follows the residual (`tie_tolerance`), within limits that keep
+    quasi-Newton columns clean. `progress(iteration, residual)` is called after every coupling iteration.
+    """
+    begin = time.perf_counter()
+    before = dict(coupling.seconds)
+    history: list[dict[str, float]] = []
+
+    def record(k: int, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray) -> None:
+        norm = float(np.linalg.norm(r))
+        history.append({"iteration": float(len(history) + 1), "residual_m": norm, **coupling.scalars()})
+        if tie_tolerance and np.isfinite(norm):
+            coupling.set_tolerance(min(LOOSEST, max(TIGHTEST, PER_METRE * norm)))
+        if progress is not None:
+            progress(len(history), norm)
+
+    x = coupling.structural.get("displacement")
+    left, residual_N = max_iterations, float("nan")
+    if tie_tolerance:
+        coupling.set_tolerance(LOOSEST)
+    while True:
+        result = fixed_point(coupling, x, scheme, atol=atol, max_iterations=left, callback=record)
+        left -= result.iterations
+        if not result.converged:
+            break
+        coupling.set_tolerance(TIGHTEST)
+        try:
+            residual_N = coupling.imbalance(result.x_tilde)
+        except ArithmeticError as error:
+            result = replace(result, status="diverged", message=str(error))
+            break
+        if residual_N <= force_tolerance:
+            break
+        if left <= 0:
+            text = f"residual_N is {residual_N:.3g} N after {max_iterations} coupling iterations"
+            result = replace(result, status="max_iterations", message=text)
+            break
+        x, atol = result.x_tilde, atol * min(0.1, 0.5 * force_tolerance / residual_N)
+    seconds = {k: coupling.seconds[k] - before[k] for k in before}
+    seconds["total"] = time.perf_counter() - begin
+    return CoupledResult(
+        result.x_tilde,
+        result.status,
+        result.message,
+        len(history),
+        float(result.residual_norms[-1]),
+        residual_N,
+        history,
+        seconds,
+        history[0]["residual_m"],
+        result,
+    )

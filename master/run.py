@@ -1,0 +1,115 @@
+"""One coupled run from participants to a record of it: solve, judge the stability, collect outputs."""
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from master.acceleration import Scheme
+from master.coupling import CoupledResult, Coupling, solve
+from master.stability import Stability, static_stability
+
+EXIT_CONVERGED, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished run: status, the coupled result, its stability (None: not asked for or not converged), the blocks of
+    both participants at the end, and remarks worth a line."""
+
+    status: str
+    message: str
+    result: CoupledResult
+    stability: Stability | None
+    blocks: dict[str, dict[str, np.ndarray]]
+    remarks: list[str]
+
+
+def coupled_run(
+    coupling: Coupling,
+    scheme: Scheme,
+    stability: bool = True,
+    progress: Callable[[int, float], Any] | None = None,
+    **options: Any,
+) -> Run:
+    """Solve and judge. The status is that of the solve, or "statically_unstable" for a converged unstable equilibrium.
+
+    `options` go to `master.coupling.solve`.
+    """
+    start = coupling.structural.get("displacement")
+    result = solve(coupling, scheme, progress=progress, **options)
+    judged = None
+    status, message = result.status, result.message
+    if status == "converged" and stability:
+        judged = static_stability(coupling, result.displacement, start)
+        if judged.statically_stable is False:
+            status = "statically_unstable"
+            message = (
+                f"The equilibrium is statically unstable: the coupled map has the eigenvalue {judged.eigenvalue:.3f} "
+                "there, and from 1 on a small disturbance grows."
+            )
+    blocks = {}
+    for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
+        blocks[label] = {b: participant.get(b) for b, c in participant.causality.items() if c != "independent"}
+    return Run(status, message, result, judged, blocks, _remarks(blocks))
+
+
+def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
+    remarks = []
+    for label in ("structural", "aero"):
+        wanted, used = blocks[label].get("symmetric"), blocks[label].get("symmetry_used")
+        if wanted is not None and used is not None and bool(wanted) and not bool(used):
+            remarks.append(f"symmetry was asked for but turned off in the {label} solver: its input is not symmetric")
+    beyond = int(blocks["aero"].get("strips_beyond_polar", 0))
+    if beyond:
+        remarks.append(f"{beyond} strips are beyond their polar tables, where end values are held")
+    viscosity = float(blocks["aero"].get("stall_viscosity", 0.0))
+    if viscosity:
+        remarks.append(f"beyond stall: the circulation contains artificial viscosity ({viscosity:g})")
+    with contextlib.suppress(KeyError):
+        if int(blocks["structural"]["slack_lines"]):
+            remarks.append(f"{int(blocks['structural']['slack_lines'])} lines are slack")
+    return remarks
+
+
+def summary(run: Run, settings: dict[str, Any]) -> dict[str, Any]:
+    """The content of summary.json; `settings` is what the caller chose (scene, scheme, backend, parameters, ...)."""
+    result = run.result
+    seconds = result.seconds
+    outputs: dict[str, Any] = {}
+    for label in ("aero", "structural"):
+        for block, value in run.blocks[label].items():
+            if value.size <= 3 and block not in ("symmetric", "solver_tolerance"):
+                outputs.setdefault(block if block not in outputs else f"{label}.{block}", value)
+    judged = run.stability
+    return {
+        "scene": settings["scene"],
+        "scheme": settings["scheme"],
+        "backend": settings["backend"],
+        "status": run.status,
+        "message": run.message,
+        "coupling_iterations": result.iterations,
+        "residual": result.residual,
+        "residual_N": result.residual_N,
+        "first_residual": result.first_residual,
+        "statically_stable": None if judged is None else judged.statically_stable,
+        "stability": None
+        if judged is None
+        else {
+            "eigenvalue": judged.eigenvalue,
+            "evaluations": judged.evaluations,
+            "symmetric_motions_only": judged.symmetric_only,
+        },
+        "remarks": run.remarks,
+        "solver_calls": {"structural": result.iterations + 1, "aero": result.iterations + 1},
+        "wall_time_s": {
+            "total": seconds["total"],
+            "structural": seconds["structural"],
+            "aero": seconds["aero"],
+            "master": seconds["total"] - seconds["structural"] - seconds["aero"],
+        },
+        "outputs": outputs,
+        "settings": settings,
+    }
