@@ -61,10 +61,11 @@ def fixed_point(
 
     Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
-    (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 % within
-    the last `stall_window` evaluations (0: never), nor is m on its way down from a transient, that is the smallest m of
-    the recent half of the window is not 10 % below that of the older half. Every other exception of G passes through.
-    Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise ValueError.
+    (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 %
+    within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient, that is the
+    smallest m of the recent half of the window is not 10 % below that of the older half. Every other exception of G
+    passes through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
+    ValueError.
     """
     x = np.array(x0, dtype=float)
     shape = x.shape

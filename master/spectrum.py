@@ -1,9 +1,9 @@
 """Eigenvalues of G' at a fixed point of x = G(x), from finite differences of G alone.
 
-G'u is taken from central differences, (G(x + h u) - G(x - h u)) / 2h with |u|_2 = 1, two evaluations of G each. `step` is
-h, in the unit of x; the default 1e-3 |x|_2 keeps solver noise of 1e-7 |x|_2 at 1e-4 in an eigenvalue, and the
-truncation error is of order h^2. `start` is the first vector of the iteration, of the shape of x: where G keeps a symmetry,
-one that has it confines the search to it.
+G'u is taken from central differences, (G(x + h u) - G(x - h u)) / 2h with |u|_2 = 1, two evaluations of G each.
+`step` is h, in the unit of x; the default 1e-3 |x|_2 keeps solver noise of 1e-7 |x|_2 at 1e-4 in an eigenvalue, and the
+truncation error is of order h^2. `start` is the first vector of the iteration, of the shape of x: where G keeps a
+symmetry, one that has it confines the search to it (not in the full Jacobian of up to five unknowns).
 """
 
 from collections.abc import Callable
@@ -18,9 +18,9 @@ Map = Callable[[np.ndarray], np.ndarray]
 class Eigenvalue:
     """An eigenvalue of G' [1] and its mode.
 
-    `value` is its real part, `imaginary` the magnitude of the other; `vector` has the shape of x and |vector|_2 = 1 (the
-    real part of the mode where it is complex). `evaluations` counts calls of G, `settled` says whether the accuracy asked
-    for was reached, `message` why not. `ritz_values` are the eigenvalues of G' on the subspace that was searched.
+    `value` is its real part, `imaginary` the magnitude of the other; `vector` has the shape of x and |vector|_2 = 1
+    (the real part of the mode where it is complex). `evaluations` counts calls of G, `settled` says whether the accuracy
+    asked for was reached, `message` why not. `ritz_values` are the eigenvalues of G' on the subspace that was searched.
     """
 
     value: float
@@ -79,8 +79,9 @@ def rightmost_eigenvalue(
     """Eigenvalue of G' of largest real part, by Arnoldi iteration; up to five unknowns by the full Jacobian.
 
     A real one above 1 is a statically unstable equilibrium: G' = K^-1 dF/dx, and the coupled tangent K - dF/dx changes
-    sign where it passes 1. Settled means that the residual |G'u - lambda u| of the Ritz pair is below tol max(1, |lambda|)
-    or that the value moved by less than that twice running (a residual far above the eigenvalue's error is usual).
+    sign where it passes 1. Settled means that the residual |G'u - lambda u| of the Ritz pair is below
+    a = tol max(1, |lambda|), or below 20 a while the last three values agree to a / 5: the error of the value is usually
+    far below the residual.
     """
     product = _Product(G, x, step, max_evaluations)
     n = product.x.size
@@ -126,8 +127,8 @@ def rightmost_eigenvalue(
 def critical_relaxation(eigenvalue: float) -> float:
     """Bound on a constant relaxation factor, 2 / (1 - lambda) [1]: it converges for 0 < omega < bound.
 
-    The error contracts by |1 - omega (1 - lambda)|. `eigenvalue` is the leftmost (most negative) one of a real spectrum,
-    which is the dominant one wherever the bound matters. An eigenvalue >= 1 leaves no stable factor: 0.
+    The error contracts by |1 - omega (1 - lambda)|. `eigenvalue` is the leftmost (most negative) one of a real spectrum:
+    the dominant one, unless that is positive. An eigenvalue >= 1 leaves no stable factor: 0.
     """
     if not np.isfinite(eigenvalue):
         raise ValueError(f"The eigenvalue must be finite, got {eigenvalue}.")
@@ -174,4 +175,6 @@ class _Product:
 def _start(n: int, given: np.ndarray | None = None) -> np.ndarray:
     """The given start vector normalised, or a fixed one without symmetries that has a part in every mode, (n,)."""
     u = np.random.default_rng(0).standard_normal(n) if given is None else np.array(given, dtype=float).ravel()
+    if u.size != n or not np.all(np.isfinite(u)) or not np.any(u):
+        raise ValueError("start must have the shape of x, be finite and not be zero.")
     return u / np.linalg.norm(u)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.spatial import cKDTree
 
 from .chains import Chains
 
@@ -34,13 +35,16 @@ class Loads:
 
 
 def mirror_permutation(points, tolerance=1e-6):
-    """Index of the mirror image in the plane y = 0 of every point (n,), or None if one has none within `tolerance` m."""
-    from scipy.spatial import cKDTree
+    """Index of the mirror image in the plane y = 0 of every point (n,), or None if one has none within `tolerance` m.
 
-    distance, index = cKDTree(points).query(points * np.array([1.0, -1.0, 1.0]))
-    if np.max(distance) > tolerance or len(np.unique(index)) != len(points):
+    Points that coincide are paired with those at the image in the order of their indices.
+    """
+    tree = cKDTree(points)
+    own = tree.query_ball_point(points, tolerance, return_sorted=True)
+    there = tree.query_ball_point(points * np.array([1.0, -1.0, 1.0]), tolerance, return_sorted=True)
+    if any(len(a) != len(b) for a, b in zip(own, there, strict=True)):
         return None
-    return index
+    return np.array([b[a.index(i)] for i, (a, b) in enumerate(zip(own, there, strict=True))], dtype=int)
 
 
 @dataclass(frozen=True, eq=False)

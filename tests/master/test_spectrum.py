@@ -34,7 +34,8 @@ def spectral_map(leading, n, normal=True, noise=0.0, seed=0):
 def test_the_rightmost_eigenvalue_of_333_unknowns_takes_at_most_40_evaluations(leading, noise, normal):
     G, x, A, eigenvalues = spectral_map(leading, 333, normal, noise)
     mode = rightmost_eigenvalue(G, x)
-    assert mode.settled and mode.evaluations <= 40
+    assert mode.settled
+    assert mode.evaluations <= 40
     assert mode.value == pytest.approx(eigenvalues.max(), abs=1e-3)  # the accuracy asked for
     # 0.05: a mode is only as good as its residual over the gap to the next eigenvalue, which is 0.05 at least
     assert np.linalg.norm(A @ mode.vector - mode.value * mode.vector) <= 0.05
@@ -55,7 +56,8 @@ def test_small_problems_are_exact(n):
 def test_an_invariant_subspace_ends_the_search():
     for factor in (1.1, 0.0, -2.0):
         mode = rightmost_eigenvalue(lambda y, factor=factor: factor * y, np.ones(50))
-        assert mode.settled and mode.evaluations == 2
+        assert mode.settled
+        assert mode.evaluations == 2
         assert mode.value == pytest.approx(factor, abs=1e-9)  # rounding over the step
         assert dominant_eigenvalue(lambda y, factor=factor: factor * y, np.ones(50)).value == pytest.approx(
             factor, abs=1e-9
@@ -68,7 +70,8 @@ def test_a_rotation_has_a_complex_pair_and_power_iteration_says_that_it_does_not
     mode = rightmost_eigenvalue(lambda y: A @ y, np.ones((5, 2)).ravel())
     assert (mode.value, mode.imaginary) == pytest.approx((0.9, 0.8), abs=1e-6)  # exact on the invariant subspace of 3
     dominant = dominant_eigenvalue(lambda y: A @ y, np.ones(10))
-    assert not dominant.settled and "complex" in dominant.message
+    assert not dominant.settled
+    assert "complex" in dominant.message
 
 
 def test_eigenvalues_of_equal_magnitude_and_opposite_sign_do_not_settle():
@@ -97,7 +100,8 @@ def test_relaxation_converges_just_below_the_critical_factor_and_fails_just_abov
         fixed_point(G, start, ConstantRelaxation(f * omega), residual_rtol=1e-6, max_iterations=2000).status
         for f in (0.97, 1.03)
     ]
-    assert ends[0] == "converged" and ends[1] != "converged"
+    assert ends[0] == "converged"
+    assert ends[1] != "converged"
 
 
 def test_critical_relaxation_is_the_closed_form():
@@ -110,7 +114,8 @@ def test_values_that_are_not_finite_are_reported():
     for search in (dominant_eigenvalue, rightmost_eigenvalue):
         for n in (3, 30):
             mode = search(lambda y: np.full_like(y, np.nan), np.ones(n))
-            assert not mode.settled and "finite" in mode.message
+            assert not mode.settled
+            assert "finite" in mode.message
 
 
 def test_bad_arguments_are_refused():
@@ -120,3 +125,20 @@ def test_bad_arguments_are_refused():
         rightmost_eigenvalue(np.sin, np.array([np.nan]))
     with pytest.raises(ValueError, match="finite"):
         critical_relaxation(np.nan)
+
+
+def test_a_symmetric_start_confines_the_search_to_symmetric_modes():
+    n = 40
+    mirrored = np.concatenate(
+        (np.linspace(0.9, 0.1, n // 2), np.linspace(1.1, 0.2, n // 2))
+    )  # symmetric, antisymmetric
+    i = np.arange(n // 2)
+    Q, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((n // 2, n // 2)))
+    S = np.block([[Q, Q], [Q[::-1], -Q[::-1]]]) / np.sqrt(2.0)
+    A = (S * mirrored) @ S.T
+    symmetric = np.concatenate((np.sqrt(i + 1.0), np.sqrt(i + 1.0)[::-1]))
+    found = rightmost_eigenvalue(lambda y: A @ y, np.ones(n), start=symmetric)
+    assert found.value == pytest.approx(0.9, abs=1e-3)  # the accuracy asked for
+    assert rightmost_eigenvalue(lambda y: A @ y, np.ones(n)).value == pytest.approx(1.1, abs=1e-3)
+    with pytest.raises(ValueError, match="start"):
+        rightmost_eigenvalue(lambda y: A @ y, np.ones(n), start=np.zeros(n))
