@@ -62,9 +62,9 @@ def fixed_point(
     Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
     (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 %
-    within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient, that is the
-    smallest m of the recent half of the window is not 10 % below that of the older half. Every other exception of G
-    passes through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
+    within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the smallest m
+    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. Other exceptions of G
+    pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
     ValueError.
     """
     x = np.array(x0, dtype=float)
@@ -165,9 +165,8 @@ class _Test:
     def stalled(self, window: int) -> bool:
         if len(self.history) - self.progressed_at <= window:
             return False
-        recent = max(1, window // 2)
-        older = self.history[-window:-recent]
-        return not older or min(self.history[-recent:]) >= 0.9 * min(older)
+        h = self.history
+        return all(min(h[-p:]) >= 0.9 * min(h[-2 * p : -p]) for p in (max(1, window // 6), max(1, window // 2)))
 
 
 def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> tuple[np.ndarray, str]:

@@ -19,8 +19,8 @@ class Eigenvalue:
     """An eigenvalue of G' [1] and its mode.
 
     `value` is its real part, `imaginary` the magnitude of the other; `vector` has the shape of x and |vector|_2 = 1
-    (the real part of the mode where it is complex). `evaluations` counts calls of G, `settled` says whether the accuracy
-    asked for was reached, `message` why not. `ritz_values` are the eigenvalues of G' on the subspace that was searched.
+    (the real part of the mode where it is complex). `evaluations` counts calls of G, `settled` says whether the
+    accuracy asked for was reached, `message` why not. `ritz_values` are the eigenvalues of G' on the searched subspace.
     """
 
     value: float
@@ -80,8 +80,8 @@ def rightmost_eigenvalue(
 
     A real one above 1 is a statically unstable equilibrium: G' = K^-1 dF/dx, and the coupled tangent K - dF/dx changes
     sign where it passes 1. Settled means that the residual |G'u - lambda u| of the Ritz pair is below
-    a = tol max(1, |lambda|), or below 20 a while the last three values agree to a / 5: the error of the value is usually
-    far below the residual.
+    a = tol max(1, |lambda|), or below 20 a while the last three values agree to a / 5: the error of the value is
+    usually far below the residual.
     """
     product = _Product(G, x, step, max_evaluations)
     n = product.x.size
@@ -127,8 +127,8 @@ def rightmost_eigenvalue(
 def critical_relaxation(eigenvalue: float) -> float:
     """Bound on a constant relaxation factor, 2 / (1 - lambda) [1]: it converges for 0 < omega < bound.
 
-    The error contracts by |1 - omega (1 - lambda)|. `eigenvalue` is the leftmost (most negative) one of a real spectrum:
-    the dominant one, unless that is positive. An eigenvalue >= 1 leaves no stable factor: 0.
+    The error contracts by |1 - omega (1 - lambda)|. `eigenvalue` is the leftmost (most negative) one of a real
+    spectrum: the dominant one, unless that is positive. An eigenvalue >= 1 leaves no stable factor: 0.
     """
     if not np.isfinite(eigenvalue):
         raise ValueError(f"The eigenvalue must be finite, got {eigenvalue}.")

@@ -12,6 +12,8 @@ from .structure import Loads
 # The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
 # nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
 SMALLEST_SHIFT = 1e-12
+# Steps refused one after the other, and cuts of one step, before giving up.
+MOST_REJECTIONS, MOST_CUTS = 30, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,27 +74,26 @@ def equilibrium(
             break
         if len(norms) > max_iterations:
             break
-        step, mu = _step(k, r, norm, damping, external, assembly)
+        step = _step(k, r, norm, damping, external, assembly)
         longest = float(np.abs(step).max())
         if longest > step_limit:
             step *= step_limit / longest
-        s, q_new, r_new, accepted = _along(assembly, prepared, q, r, step)
-        if not accepted:
+        s, trial = _along(assembly, prepared, q, r, step)
+        if trial is None:
             damping = max(10.0 * damping, 1e-3)
             rejected += 1
-            if rejected > 30:
+            if rejected > MOST_REJECTIONS:
                 status = "stalled"
                 break
             continue
         rejected = 0
-        new_norm = float(np.linalg.norm(r_new))
         if s == 1.0:
             damping = 0.2 * damping if damping > 1e-8 else 0.0
         elif s < 0.3:
             damping = max(4.0 * damping, 1e-4)
-        q = q_new
-        r, k, external = assembly.residual_and_tangent(q, prepared)
-        norm = new_norm
+        q = q + s * step
+        r, k, external = trial
+        norm = float(np.linalg.norm(r))
         norms.append(norm)
     return Equilibrium(u.expand(q), status, len(norms) - 1, tuple(norms))
 
@@ -114,32 +115,28 @@ def _step(k, r, norm, damping, external, assembly):
         except RuntimeError:  # exactly singular
             step = np.full_like(r, np.nan)
         if np.all(np.isfinite(step)) and float(step @ r) < 0.0:
-            return step, mu
+            return step
         if mu > 1e6:
-            return -r / mean, mu
+            return -r / mean
         mu = max(10.0 * mu, 1e-6)
 
 
 def _along(assembly, prepared, q, r, step):
-    """Longest tried fraction s of the step along which r.d has not grown past zero too far, and the residual there."""
-    slope = float(r @ step)
-    norm = np.linalg.norm(r)
-    s, low, high = 1.0, 0.0, None
-    best = None
-    for _ in range(12):
-        trial = q + s * step
-        r_new, _ = assembly.residual(trial, prepared)
+    """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.
+
+    The full step is tried with its tangent, because it is nearly always taken; None if no fraction will do.
+    """
+    slope, norm = float(r @ step), float(np.linalg.norm(r))
+    s = 1.0
+    for _ in range(MOST_CUTS):
+        trial = assembly.residual_and_tangent(q + s * step, prepared)
+        r_new = trial[0]
         slope_new = float(r_new @ step)
-        if np.isfinite(slope_new) and (abs(slope_new) <= 0.9 * abs(slope) or np.linalg.norm(r_new) < 0.5 * norm):
-            return s, trial, r_new, True
-        if np.isfinite(slope_new) and slope_new < 0.0:  # still downhill: fine unless the step is capped; take it
-            return s, trial, r_new, True
-        high = s
-        s = low + 0.3 * (high - low) if not np.isfinite(slope_new) else _secant(slope, slope_new, high)
-        best = trial, r_new
-    return s, best[0], best[1], False
-
-
-def _secant(slope, slope_new, high):
-    s = high * slope / (slope - slope_new)
-    return min(max(s, 0.1 * high), 0.7 * high)
+        if np.isfinite(slope_new):
+            downhill = slope_new < 0.0  # the minimum along the step lies still ahead
+            if downhill or abs(slope_new) <= 0.9 * abs(slope) or np.linalg.norm(r_new) < 0.5 * norm:
+                return s, trial
+            s *= min(max(slope / (slope - slope_new), 0.1), 0.7)  # secant to r.d = 0
+        else:
+            s *= 0.1
+    return s, None

@@ -21,15 +21,25 @@ SHARE = _share_matrix()
 AREA = SHARE.sum(axis=0)
 
 
+def _cross(a, b):
+    """a x b over the last axis; several times faster than numpy.cross on small arrays."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
 def area_vectors(corners):
     """Area vectors m^2 (p,3) of panels with corner points (p,4,3): half the cross product of the diagonals."""
-    return 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    return 0.5 * _cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
 
 
 def corner_shares(corners):
     """Share of every corner in the panel force (p,4), summing to one: int N_i dA over the bilinear panel, along a."""
-    moments = 0.5 * np.einsum("ikl,pklc->pic", SHARE, np.cross(corners[:, :, None], corners[:, None, :]))
-    a = area_vectors(corners)
+    c = corners - corners.mean(axis=1, keepdims=True)
+    moments = 0.5 * _cross(c[:, None], (SHARE.reshape(16, 4) @ c).reshape(-1, 4, 4, 3)).sum(axis=2)
+    a = moments.sum(axis=1)
     return np.einsum("pic,pc->pi", moments, a) / np.einsum("pc,pc->p", a, a)[:, None]
 
 
@@ -59,31 +69,22 @@ def surface_forces_and_tangents(corners, pressure, shear=None):
     d a = 1/2 sum_k dx_k x y_k with y_k = sum_l AREA[k,l] x_l, likewise for the moments A_i, so that both the turning
     of the force and the shift of its application point within the panel are exact.
     """
-    origin = corners.mean(axis=1, keepdims=True)  # shares and areas do not depend on it; this keeps digits
-    c = corners - origin
-    y_i = np.einsum("ikl,plc->pikc", SHARE, c)  # (p, i, k, 3)
-    y = np.einsum("kl,plc->pkc", AREA, c)
-    moments = 0.5 * np.einsum("pkc,pikd->picd", c, y_i)  # outer products, antisymmetrised below
-    moments = np.stack(
-        [
-            moments[..., 1, 2] - moments[..., 2, 1],
-            moments[..., 2, 0] - moments[..., 0, 2],
-            moments[..., 0, 1] - moments[..., 1, 0],
-        ],
-        axis=-1,
-    )
+    c = corners - corners.mean(axis=1, keepdims=True)  # areas and shares do not depend on it; this keeps digits
+    y_i = (SHARE.reshape(16, 4) @ c).reshape(-1, 4, 4, 3)  # (p, i, k, 3)
+    y = AREA @ c
+    moments = 0.5 * _cross(c[:, None], y_i).sum(axis=2)  # (p, i, 3)
     a = moments.sum(axis=1)
     a2 = np.einsum("pc,pc->p", a, a)
     w = np.einsum("pic,pc->pi", moments, a) / a2[:, None]
     force = pressure[:, None] * a
     d_force = -pressure[:, None, None, None] * _spin(y)  # (p, k, 3, 3)
-    y_a = np.cross(y, a[:, None])  # (p, k, 3) = d(a.a)/2 / dx_k
+    y_a = _cross(y, a[:, None])  # (p, k, 3) = d(a.a)/2 / dx_k
     if shear is not None:
         norm = np.sqrt(a2)
         force = force + shear * norm[:, None]
         d_force = d_force + shear[:, None, :, None] * (y_a / norm[:, None, None])[:, :, None, :]
     # d w_i / d x_k = (y_ik x a + y_k x A_i - 2 w_i y_k x a) / a.a
-    d_w = np.cross(y_i, a[:, None, None]) + np.cross(y[:, None], moments[:, :, None])
+    d_w = _cross(y_i, a[:, None, None]) + _cross(y[:, None], moments[:, :, None])
     d_w = (d_w - 2.0 * w[:, :, None, None] * y_a[:, None]) / a2[:, None, None, None]
     tangent = w[:, :, None, None, None] * d_force.transpose(0, 2, 1, 3)[:, None]  # (p, i, 3, k, 3)
     tangent = tangent + force[:, None, :, None, None] * d_w[:, :, None, :, :]

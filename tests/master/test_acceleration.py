@@ -4,17 +4,13 @@ Counts are evaluations of G a communication step, mean over the steps. Kratos 10
 """
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from master.acceleration import IQNILS, Aitken, ConstantRelaxation
 from master.fixed_point import fixed_point
-
-sys.path.insert(0, str(Path(__file__).parent))
-from reference_problems import AddedMass, BadlyScaledFields, Linear, Tube
+from tests.master.reference_problems import AddedMass, BadlyScaledFields, Linear, Tube
 
 
 def march(problem, scheme, steps, parallel=False, **options):
