@@ -7,9 +7,13 @@ PythonFMU answers an exception with fmi2Fatal and a double free in the host. Not
 they log one sentence instead, and the step that follows is discarded (it is the only call that can report a failure).
 """
 
+import atexit
+import contextlib
+import ctypes
 import importlib
 import json
 import math
+import os
 import pickle
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -61,6 +65,18 @@ def _share_modules(resources: Path) -> None:
         package.__path__ = [place for place in places if Path(place).is_dir()]
 
 
+def _end_cleanly(resources: Path) -> None:
+    """Let go of the interpreter at the end of Python, before the C library unloads the FMU's binary.
+
+    The binary does it twice while unloading, the second time on freed memory: some processes then abort or hang at
+    exit, after correct results. Its own function does it well before that, and leaves nothing for the two.
+    """
+    for path in (resources.parent / "binaries").glob("*/*.so"):
+        with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise
+            library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)
+            atexit.register(library.finalizePythonInterpreter)
+
+
 class CoreFmu(Fmi2Slave):
     """FMI slave of one solver core: the given one, or the one of the scene in the FMU's resources."""
 
@@ -70,6 +86,9 @@ class CoreFmu(Fmi2Slave):
 
     def __init__(self, core: Core | None = None, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        if self.resources is not None:
+            _end_cleanly(Path(self.resources))
+            _share_modules(Path(self.resources))
         self._core = self._resource_core(Path(self.resources)) if core is None else core
         self.blocks: dict[str, tuple[Variable, slice]] = {}
         size = 0
@@ -95,7 +114,6 @@ class CoreFmu(Fmi2Slave):
         raise NotImplementedError
 
     def _resource_core(self, resources: Path) -> Core:
-        _share_modules(resources)
         content = json.loads((resources / SCENE_FILE).read_text(encoding="utf-8"))
         core = self.scene_core(scenes.load(resources / content["folder"], content["settings"]))
         for name, value in content["parameters"].items():

@@ -84,7 +84,7 @@ def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, paramet
     content = {"folder": f"scene/{folder.name}", "settings": scene.settings, "parameters": parameters}
     text = json.dumps(content, indent=1, sort_keys=True, default=lambda value: value.tolist())
     resources[SCENE_FILE] = text.encode()
-    instance = slave(core, instance_name=name, resources=str(folder))
+    instance = slave(core, instance_name=name)
     instance.description = f"{slave.title} of the scene {scene.name}"
     return archive(name, instance, resources)
 

@@ -63,8 +63,8 @@ def fixed_point(
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
     (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 %
     within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the smallest m
-    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. Other exceptions of G
-    pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
+    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. Other exceptions
+    of G pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
     ValueError.
     """
     x = np.array(x0, dtype=float)

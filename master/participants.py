@@ -97,8 +97,8 @@ class InProcessParticipant(Blocks):
         """See Participant."""
 
 
-# fmpy's proxy, which formats what an FMU logs, keeps one callback for the whole process: ours is made current before
-# every call, lives for ever, and finds the participant by the environment pointer that FMI hands through.
+# fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
+# lives for ever, and finds the participant by the environment pointer that FMI hands through.
 _LISTENERS: "weakref.WeakValueDictionary[int, FmuParticipant]" = weakref.WeakValueDictionary()
 _NUMBERS = itertools.count(1)
 
@@ -122,7 +122,7 @@ class _Channel:
         kind = {"Enumeration": "Integer"}.get(scalars[0].type, scalars[0].type)
         self.set_, self.get_ = getattr(dll, f"fmi2Set{kind}"), getattr(dll, f"fmi2Get{kind}")
         number = c_double if kind == "Real" else c_int
-        self.values = np.zeros(shape, dtype=np.dtype(number))
+        self.values = np.zeros(shape, dtype=number)
         references = (c_uint * len(scalars))(*(scalar.valueReference for scalar in scalars))
         pointer = ctypes.cast(self.values.ctypes.data, ctypes.POINTER(number))
         self.arguments = component, ctypes.cast(references, ctypes.POINTER(c_uint)), len(scalars), pointer
@@ -293,6 +293,9 @@ class FmuParticipant(Blocks):
             if self._initialised:
                 self._call(self._alive().fmi2Terminate, self._component)
         if self._fmu is not None:
-            self._fmu.freeInstance()
+            self._fmu.fmi2FreeInstance(self._component)
+            with contextlib.suppress(AttributeError):
+                self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
+            self._fmu.freeLibrary()
         self._fmu = None
         self._remove()
