@@ -40,8 +40,8 @@ class SectionFlow:
     """Imbalance of Kutta-Joukowski and polar lift on n strips, and its exact Jacobian (Damiani et al. 2019).
 
     F_i = gamma_i - c_i U_i cl_i(alpha_i) / 2 with V_i = V_inf + sum_j A_ij gamma_j, U_i the speed across the bound
-    vortex and alpha_i = atan2(V_i.n_i, V_i.t_i). `influence` (3, n, n) 1/m, None is strip theory; `free_stream` (3,) m/s.
-    With `viscosity` (n,) the term -viscosity_i (second difference of gamma)_i is added.
+    vortex and alpha_i = atan2(V_i.n_i, V_i.t_i). `influence` (3, n, n) 1/m, None is strip theory; `free_stream` (3,)
+    m/s. With `viscosity` (n,) the term -viscosity_i (second difference of gamma)_i is added.
     """
 
     influence: np.ndarray | None

@@ -22,7 +22,8 @@ def trailing_influence(points, strips, wake_direction, core_fraction=CORE_FRACTI
 
 
 def control_influence(strips, wake_direction, rows=slice(None), core_fraction=CORE_FRACTION):
-    """Velocity at the control points `rows` of each strip's unit circulation, (3, p, n) 1/m, less its two-dimensional part.
+    """Velocity at the control points `rows` of each strip's unit circulation, (3, p, n) 1/m, less its two-dimensional
+    part.
 
     What a strip's own bound vortex would induce if it were infinitely long is in the section polar already, so it
     is taken away and the angle of attack at the control point is the effective one (Damiani et al. 2019).

@@ -29,10 +29,8 @@ class StripPolars:
         tables = np.stack([np.asarray(t, float) for t in (cl, cd, cm)])
         span = np.asarray(span, float)
         at = np.clip(np.asarray(strip_span, float), span[0], span[-1])
-        if len(span) > 1:
-            strips = PchipInterpolator(span, tables, axis=1)(at)
-        else:
-            strips = np.repeat(tables, len(at), axis=1)
+        one = len(span) == 1
+        strips = np.repeat(tables, len(at), axis=1) if one else PchipInterpolator(span, tables, axis=1)(at)
         pieces = PchipInterpolator(alpha, strips, axis=2).c  # (4, k - 1, 3, n)
         return cls(alpha, np.ascontiguousarray(np.transpose(pieces, (2, 3, 1, 0))))
 

@@ -16,9 +16,10 @@ def unit(v):
 class Strips:
     """Geometry of n strips between n + 1 sections, ordered along the span so that chord x span points to suction.
 
-    `bound` (n+1,3) quarter-chord points of the sections, `trailing_edge` (n+1,3), `control` (n,3) three-quarter-chord and
-    `centre` (n,3) quarter-chord points of the strips, `chord` (n,), `width` (n,) along the bound vortex, all in m; unit
-    vectors `tangent` (along the chord, aft), `span` (along the bound vortex), `normal` (suction side), each (n,3).
+    `bound` (n+1,3) quarter-chord points of the sections, `trailing_edge` (n+1,3), `control` (n,3) three-quarter-chord
+    and `centre` (n,3) quarter-chord points of the strips, `chord` (n,), `width` (n,) along the bound vortex, all in
+    m; unit vectors `tangent` (along the chord, aft), `span` (along the bound vortex), `normal` (suction side), each
+    (n,3).
     """
 
     bound: np.ndarray

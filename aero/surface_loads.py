@@ -11,9 +11,10 @@ _MASS = np.array([[4, 2, 1, 2], [2, 4, 2, 1], [1, 2, 4, 2], [2, 1, 2, 4]]) / 36.
 class SurfaceGrid:
     """How the strips lie on the interface mesh.
 
-    `sections` (n+1, 3) node indices of leading edge, middle and trailing edge station of each section, `fractions` (3,) of
-    the chord where they stand, `panels` (2n, 4): the fore panels of all strips, then the aft ones, with the corners
-    (fore, aft) of the strip's first section, then (aft, fore) of its second, so that area vectors point to suction.
+    `sections` (n+1, 3) node indices of leading edge, middle and trailing edge station of each section, `fractions`
+    (3,) of the chord where they stand, `panels` (2n, 4): the fore panels of all strips, then the aft ones, with the
+    corners (fore, aft) of the strip's first section, then (aft, fore) of its second, so that area vectors point to
+    suction.
     """
 
     sections: np.ndarray
@@ -30,7 +31,9 @@ class SurfaceGrid:
 
 @dataclass(frozen=True, eq=False)
 class PanelGeometry:
-    """Area vectors m^2 and their squares, centroids m, and chord fractions of the centroids of the panels of n strips."""
+    """Area vectors m^2 and their squares, centroids m, and chord fractions of the centroids of the panels of n
+    strips.
+    """
 
     area: np.ndarray  # (p, 3)
     area2: np.ndarray  # (p,)
@@ -75,9 +78,9 @@ def two_panel_loads(force, moment, span, fore, aft, point=0.25):
 def pressure_and_shear(steady, couple, panels, follow):
     """Pressure (p,) Pa and shear (p,3) Pa with p a + s |a| = steady + couple, forces (p,3) N on the panels.
 
-    The couple turns with the surface and goes into pressure along the normal. The steady part is given its direction by the
-    flow, not by the surface: it stays in the shear, which keeps its direction, unless `follow` asks for its normal
-    component as pressure. What is left along the surface is shear in any case.
+    The couple turns with the surface and goes into pressure along the normal. The steady part is given its direction
+    by the flow, not by the surface: it stays in the shear, which keeps its direction, unless `follow` asks for its
+    normal component as pressure. What is left along the surface is shear in any case.
     """
     carried = couple + steady if follow else couple
     pressure = np.einsum("pk,pk->p", carried, panels.area) / panels.area2

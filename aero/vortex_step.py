@@ -41,11 +41,11 @@ class WingLoads:
 class VortexStep:
     """A wing of strips with section polars, ready to be solved on any shape of its interface surface.
 
-    `induction` False is strip theory: every section meets the free stream. `direction` chooses the flow that the section
-    lift is normal to: at the "bound" vortex without bound circulation, as in lifting-line theory (exact induced drag of
-    planar wings), or at the "control" point, as Damiani et al. (2019) and Vortex-Step-Method do, which adds drag.
-    `section_force` "lift-drag" reads the polars as cl and cd; "normal" reads cl as c_n of a thin plate that carries
-    pressure only: no shear then. `follow` see `pressure_and_shear`.
+    `induction` False is strip theory: every section meets the free stream. `direction` chooses the flow that the
+    section lift is normal to: at the "bound" vortex without bound circulation, as in lifting-line theory (exact
+    induced drag of planar wings), or at the "control" point, as Damiani et al. (2019) and Vortex-Step-Method do,
+    which adds drag. `section_force` "lift-drag" reads the polars as cl and cd; "normal" reads cl as c_n of a thin
+    plate that carries pressure only: no shear then. `follow` see `pressure_and_shear`.
     """
 
     polars: StripPolars
@@ -56,8 +56,8 @@ class VortexStep:
     section_force: Literal["lift-drag", "normal"] = "lift-drag"
     follow: bool = False
     core_fraction: float = CORE_FRACTION
-    mirror: np.ndarray = field(init=False, default=None)
-    _panels: np.ndarray = field(init=False, default=None)
+    mirror: np.ndarray = field(init=False)
+    _panels: np.ndarray = field(init=False)
 
     def __post_init__(self):
         n = len(self.grid.sections) - 1
@@ -69,7 +69,8 @@ class VortexStep:
         return self if density == self.density else replace(self, density=density)
 
     def loads(self, nodes, wind, start=None, symmetric=False):
-        """Loads for interface `nodes` (s,3) m in the `wind` (3,) m/s, from the circulation `start` (n,) if there is one.
+        """Loads for interface `nodes` (s,3) m in the `wind` (3,) m/s, from the circulation `start` (n,) if there is
+        one.
 
         With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored.
         """
@@ -112,9 +113,7 @@ class VortexStep:
             if symmetric:
                 wash = folded(wash, self.mirror)
             v = flow.free_stream + (wash @ circulation.gamma).T
-            alpha = np.arctan2(
-                np.einsum("ik,ik->i", v, part.normal), np.einsum("ik,ik->i", v, part.tangent)
-            )
+            alpha = np.arctan2(np.einsum("ik,ik->i", v, part.normal), np.einsum("ik,ik->i", v, part.tangent))
         along = np.cos(alpha)[:, None] * part.tangent + np.sin(alpha)[:, None] * part.normal
         lift = unit(np.cross(along, part.span))
         drag = np.cross(part.span, lift)

@@ -1,6 +1,5 @@
 """Command line: `kitecosim run|build|scenes`. The only place of the master that reaches scenes and FMU builder."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,10 +12,14 @@ app = typer.Typer(
     help="Aero-structural co-simulation of soft kites: a structural and an aerodynamic FMU, coupled to equilibrium.",
 )
 
-SceneArgument = Annotated[str, typer.Argument(help="Name of a built-in scene (see `kitecosim scenes`) or a scene folder.")]
+SceneArgument = Annotated[
+    str, typer.Argument(help="Name of a built-in scene (see `kitecosim scenes`) or a scene folder.")
+]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Setting or parameter of the scene; vectors as 1,0,0. Repeatable."),
+    typer.Option(
+        "--set", metavar="NAME=VALUE", help="Setting or parameter of the scene; vectors as 1,0,0. Repeatable."
+    ),
 ]
 
 
@@ -24,13 +27,17 @@ SetOption = Annotated[
 def run(
     scene: SceneArgument,
     scheme: Annotated[str, typer.Option(help="explicit, relaxation, aitken or iqn-ils.")] = "iqn-ils",
-    backend: Annotated[str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")] = "fmu",
+    backend: Annotated[
+        str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")
+    ] = "fmu",
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results [results/SCENE].")] = None,
     relaxation: Annotated[
         float | None, typer.Option(help="Factor of relaxation; first factor of aitken and iqn-ils.")
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")] = 1e-6,
+    tolerance: Annotated[
+        float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
+    ] = 1e-6,
     force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
     max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
     stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
@@ -97,7 +104,3 @@ def _finish(command: Any) -> None:
 def main() -> None:
     """Entry point of the `kitecosim` script."""
     app(prog_name="kitecosim")
-
-
-if __name__ == "__main__":
-    sys.exit(main())

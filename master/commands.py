@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from master.coupling import SCHEMES, Coupling
-from master.participants import FmuParticipant, InProcessParticipant
+from master.participants import FmuParticipant, InProcessParticipant, Participant
 from master.report import versions, write_history, write_json, write_state
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, Run, coupled_run, summary
 
@@ -159,14 +159,14 @@ def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> It
             from fmus.builder import build
 
             paths = build(scene, out / "fmus", parameters)
-            structural, aero = (stack.enter_context(FmuParticipant(path)) for path in paths)
+            pair: list[Participant] = [stack.enter_context(FmuParticipant(path)) for path in paths]
         else:
             pair = []
             for core in (scene.structural_core(), scene.aero_core()):
                 names = {v.name for v in core.variables}
                 own = {k: v for k, v in parameters.items() if k in names}
                 pair.append(InProcessParticipant(core, own))
-            structural, aero = pair
+        structural, aero = pair
         yield Coupling(structural, aero)
 
 
@@ -224,7 +224,9 @@ def print_table(scene: Any, run: Run, content: dict[str, Any], core: Any, out: P
         console.print(f"note: {remark}")
     if run.status != "converged":
         console.print(f"{run.status}: {run.message}", soft_wrap=True)
-    console.print(f"written: {out}/summary.json, history.csv, nodes.csv, elements.csv, interface.csv, panels.csv", soft_wrap=True)
+    console.print(
+        f"written: {out}/summary.json, history.csv, nodes.csv, elements.csv, interface.csv, panels.csv", soft_wrap=True
+    )
 
 
 def _wide() -> bool:

@@ -51,9 +51,10 @@ class Coupling:
             )
         for block in [*wanted, "displacement"]:
             if self.structural.blocks[block] != self.aero.blocks[block]:
+                shapes = f"{self.structural.blocks[block]} in the structure and {self.aero.blocks[block]} in the flow"
                 raise ValueError(
-                    f"the participants do not fit: {block} has shape {self.structural.blocks[block]} in the structure and "
-                    f"{self.aero.blocks[block]} in the flow; build both from one scene with one set of settings."
+                    f"the participants do not fit: {block} has shape {shapes}; "
+                    "build both from one scene with one set of settings."
                 )
         self._loads = wanted
 

@@ -31,8 +31,13 @@ class StepFailed(RuntimeError):
 class Participant(Protocol):
     """A solver that exchanges named blocks of values and advances step by step."""
 
-    blocks: Mapping[str, tuple[int, ...]]
-    causality: Mapping[str, str]
+    @property
+    def blocks(self) -> Mapping[str, tuple[int, ...]]:
+        """Block name -> shape."""
+
+    @property
+    def causality(self) -> Mapping[str, str]:
+        """Block name -> "input", "output", "parameter" or another causality of FMI."""
 
     def set(self, block: str, values: Any) -> None:
         """Give a new value to an input or a tunable parameter; ValueError in one sentence if it is not acceptable."""

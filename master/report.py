@@ -1,4 +1,6 @@
-"""What a run leaves behind: summary.json, history.csv and tables of the final state, each written whole or not at all."""
+"""What a run leaves behind: summary.json, history.csv and tables of the final state, each written whole or not at
+all.
+"""
 
 import csv
 import io
@@ -47,20 +49,20 @@ def write_state(
     folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], reference: np.ndarray
 ) -> None:
     """The final state: nodes.csv, elements.csv, interface.csv and panels.csv, as far as the blocks are there."""
-    number = repr
+    rows: list[list[Any]]
     if "position" in blocks:
-        rows = [[n, *map(number, map(float, p))] for n, p in zip(names["position"], blocks["position"], strict=True)]
+        rows = [[n, *map(repr, map(float, p))] for n, p in zip(names["position"], blocks["position"], strict=True)]
         write_csv(folder / "nodes.csv", ["node", "x_m", "y_m", "z_m"], rows)
     if "tension" in blocks:
         tension = zip(names["tension"], blocks["tension"], strict=True)
-        write_csv(folder / "elements.csv", ["element", "tension_N"], [[n, number(float(t))] for n, t in tension])
+        write_csv(folder / "elements.csv", ["element", "tension_N"], [[n, repr(float(t))] for n, t in tension])
     x = blocks["displacement"]
-    rows = [[i + 1, *map(number, map(float, (*p, *d)))] for i, (p, d) in enumerate(zip(reference + x, x, strict=True))]
+    rows = [[i + 1, *map(repr, map(float, (*p, *d)))] for i, (p, d) in enumerate(zip(reference + x, x, strict=True))]
     write_csv(folder / "interface.csv", ["node", "x_m", "y_m", "z_m", "dx_m", "dy_m", "dz_m"], rows)
     pressure, shear = blocks["pressure"], blocks.get("shear")
     header = ["panel", "pressure_Pa"] + ([] if shear is None else ["shear_x_Pa", "shear_y_Pa", "shear_z_Pa"])
     rows = [
-        [i + 1, number(float(p)), *([] if shear is None else map(number, map(float, shear[i])))]
+        [i + 1, repr(float(p)), *([] if shear is None else map(repr, map(float, shear[i])))]
         for i, p in enumerate(pressure)
     ]
     write_csv(folder / "panels.csv", header, rows)

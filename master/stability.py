@@ -16,7 +16,8 @@ NEUTRAL = 2e-3
 
 @dataclass(frozen=True)
 class Stability:
-    """`statically_stable` (None where it could not be decided), the real part of the rightmost eigenvalue of G', and how
+    """`statically_stable` (None where it could not be decided), the real part of the rightmost eigenvalue of G', and
+    how
     many evaluations of G that took; `symmetric_only` where only mirror-symmetric motions were tested."""
 
     statically_stable: bool | None
@@ -27,12 +28,14 @@ class Stability:
 
 
 def static_stability(coupling: Coupling, x: np.ndarray, start: np.ndarray) -> Stability:
-    """Whether the equilibrium with interface displacement x (n,3) m is statically stable; `start` (n,3) is the initial x.
+    """Whether the equilibrium with interface displacement x (n,3) m is statically stable; `start` (n,3) is the
+    initial x.
 
-    The coupled tangent is K - F' = K (I - G') with the structural tangent K positive: it has a negative eigenvalue where G'
-    has a real one above 1, and is singular (neutral) where one equals 1. Both participants return to their states.
-    While both solve mirrored halves, the search stays within symmetric motions: it starts from the displacement that the
-    solve found, entry by entry its square root, which keeps the symmetry and has a part in every mode.
+    The coupled tangent is K - F' = K (I - G') with the structural tangent K positive: it has a negative eigenvalue
+    where G' has a real one above 1, and is singular (neutral) where one equals 1. Both participants return to their
+    states. While both solve mirrored halves, the search stays within symmetric motions: it starts from the
+    displacement that the solve found, entry by entry its square root, which keeps the symmetry and has a part in every
+    mode.
     """
     participants = (coupling.structural, coupling.aero)
     symmetric = all("symmetry_used" in p.blocks and bool(p.get("symmetry_used")) for p in participants)

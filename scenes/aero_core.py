@@ -1,5 +1,7 @@
 """The aerodynamic solver of a scene behind blocks: interface displacements in, pressures and shears out."""
 
+from functools import partial
+
 import numpy as np
 
 from aero import StripPolars, SurfaceGrid, VortexStep
@@ -41,39 +43,41 @@ class AeroCore(Core):
         strips = len(self._interface.sections) - 1
         text = "interface displacement from the reference configuration"
         yield Variable("displacement", (points, 3), unit="m", description=text)
-        p = {"causality": "parameter", "variability": "tunable"}
+        tunable = partial(Variable, causality="parameter", variability="tunable")
         text = "wind speed at the wing"
-        yield Variable("wind_speed", unit="m/s", start=content["wind_speed"], minimum=1e-3, description=text, **p)
+        yield tunable("wind_speed", unit="m/s", start=content["wind_speed"], minimum=1e-3, description=text)
         text = "direction that the wind blows to, global frame, any length above zero"
         start = np.array(content["wind_direction"], float)
-        yield Variable("wind_direction", (3,), start=start, description=text, **p)
-        yield Variable("air_density", unit="kg/m3", start=content["air_density"], minimum=1e-6, description="air density", **p)
+        yield tunable("wind_direction", (3,), start=start, description=text)
+        yield tunable(
+            "air_density", unit="kg/m3", start=content["air_density"], minimum=1e-6, description="air density"
+        )
         start = self._scene.content["structure"]["symmetric"]
         text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
-        yield Variable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text, **p)
-        o = {"causality": "output"}
-        yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel", **o)
+        yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
+        output = partial(Variable, causality="output")
+        yield output("pressure", (panels,), unit="Pa", description="net pressure on each interface panel")
         if content["section_force"] != "normal":
-            yield Variable("shear", (panels, 3), unit="Pa", description="traction on each interface panel", **o)
+            yield output("shear", (panels, 3), unit="Pa", description="traction on each interface panel")
         area = f"on the reference area {content['reference_area']:g} m2"
-        yield Variable("CL", description=f"lift coefficient {area}", **o)
-        yield Variable("CD", description=f"drag coefficient {area}", **o)
-        yield Variable("CS", description=f"side force coefficient {area}", **o)
-        yield Variable("force", (3,), unit="N", description="aerodynamic force on the wing", **o)
-        yield Variable("moment", (3,), unit="N.m", description="aerodynamic moment about the pivot (origin without one)", **o)
+        yield output("CL", description=f"lift coefficient {area}")
+        yield output("CD", description=f"drag coefficient {area}")
+        yield output("CS", description=f"side force coefficient {area}")
+        yield output("force", (3,), unit="N", description="aerodynamic force on the wing")
+        yield output("moment", (3,), unit="N.m", description="aerodynamic moment about the pivot (origin without one)")
         text = "angle of the mid-span chord to the free stream"
-        yield Variable("alpha_mid", unit="rad", description=text, **o)
-        yield Variable("alpha", (strips,), unit="rad", description="effective angle of attack of each strip", **o)
-        yield Variable("circulation", (strips,), unit="m2/s", description="circulation of each strip", **o)
-        yield Variable("span", unit="m", description="largest extent of the displaced wing across the wind plane (y)", **o)
-        yield Variable("tip_span", unit="m", description="distance between the tips' quarter-chord points", **o)
+        yield output("alpha_mid", unit="rad", description=text)
+        yield output("alpha", (strips,), unit="rad", description="effective angle of attack of each strip")
+        yield output("circulation", (strips,), unit="m2/s", description="circulation of each strip")
+        yield output("span", unit="m", description="largest extent of the displaced wing across the wind plane (y)")
+        yield output("tip_span", unit="m", description="distance between the tips' quarter-chord points")
         text = "strips whose angle of attack lies beyond the polar table, where its end value is held"
-        yield Variable("strips_beyond_polar", kind="integer", description=text, **o)
+        yield output("strips_beyond_polar", kind="integer", description=text)
         text = "artificial viscosity in the result, in units of the lost lift slope; 0 below stall"
-        yield Variable("stall_viscosity", description=text, **o)
-        yield Variable("residual", description="norm of the circulation imbalance relative to U c / 2", **o)
-        yield Variable("newton_iterations", kind="integer", description="Newton iterations of the step", **o)
-        yield Variable("symmetry_used", kind="boolean", description="whether the last solve was of one half", **o)
+        yield output("stall_viscosity", description=text)
+        yield output("residual", description="norm of the circulation imbalance relative to U c / 2")
+        yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
+        yield output("symmetry_used", kind="boolean", description="whether the last solve was of one half")
 
     def _check(self, block, array):
         if block == "wind_direction" and np.linalg.norm(array) == 0.0:

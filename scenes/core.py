@@ -23,7 +23,9 @@ class Core:
         self._stale = True
 
     def set(self, block: str, values: Any) -> None:
-        """Copy `values` into an input or parameter; `ValueError` in one sentence if they do not fit, nothing set then."""
+        """Copy `values` into an input or parameter; `ValueError` in one sentence if they do not fit, nothing set
+        then.
+        """
         variable = self._by_name.get(block)
         if variable is None or variable.causality == "output":
             known = ", ".join(v.name for v in self.variables if v.causality != "output")

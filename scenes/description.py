@@ -67,12 +67,15 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
             raise SceneError(f"{label} has no [variants.{chosen['variant']}]; add it or choose another variant.")
         for section, keys in variants[chosen["variant"]].items():
             content.setdefault(section, {}).update(keys)
-    checked = {"title": str(content.get("title", folder.name)), "description": str(content.get("description", ""))}
-    for section, known in _KNOWN.items():
+    checked: dict[str, Any] = {
+        "title": str(content.get("title", folder.name)),
+        "description": str(content.get("description", "")),
+    }
+    for section, keys_known in _KNOWN.items():
         if section == "trim" and section not in content:
             checked[section] = None
             continue
-        checked[section] = _section(label, section, content.get(section, {}), known)
+        checked[section] = _section(label, section, content.get(section, {}), keys_known)
     unknown = set(content) - set(_KNOWN) - {"title", "description", "settings", "variants"}
     if unknown:
         raise SceneError(f"{label} has an unknown section [{sorted(unknown)[0]}]; known are: {', '.join(_KNOWN)}.")

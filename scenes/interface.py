@@ -13,8 +13,8 @@ class Interface:
     """One surface mesh for both solvers.
 
     `nodes` (n,3) m in the reference configuration, `sections` (s+1, 3) their indices section by section at the
-    `fractions` (3,) of the chord, `panels` (2s, 4), `span` (s+1,) position of each section on the design wing (arc length
-    fraction of the leading edge), `weights` (n, structural nodes) with nodes = weights @ structural nodes exactly.
+    `fractions` (3,) of the chord, `panels` (2s, 4), `span` (s+1,) position of each section on the design wing (arc
+    length fraction of the leading edge), `weights` (n, structural nodes): nodes = weights @ structural nodes exactly.
     """
 
     nodes: np.ndarray
@@ -47,9 +47,9 @@ def structural_interface(nodes, struts, per_bay):
 def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
     """Sections (d,3) of the design wing riding on the struts.
 
-    Every interface node is an affine combination of the strut nodes around it: the bilinear weights of its projection on
-    the bay, extended beyond the edges, plus the smallest change that hits the point exactly. Affine combinations turn with
-    the structure, so rigid motion, force, moment and virtual work are kept exactly.
+    Every interface node is an affine combination of the strut nodes around it: the bilinear weights of its projection
+    on the bay, extended beyond the edges, plus the smallest change that hits the point exactly. Affine combinations
+    turn with the structure, so rigid motion, force, moment and virtual work are kept exactly.
     """
     count = (len(struts) - 1) * per_bay
     at = np.linspace(0.0, len(leading_edge) - 1.0, count + 1)

@@ -1,6 +1,7 @@
 """The structural tables of a scene: nodes, springs, canopy quads, lines and point masses."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from .tables import SceneError, Table, name, names, non_negative, number, positi
 class Members:
     """Nodes and elements of a scene.
 
-    `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; over all elements in the order
-    of the groups: `EA` (e,) N of those whose stiffness follows a modulus (0 where it is given), `area` (e,) m^2.
-    `mass` (n,) kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring.
+    `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; over all elements in the
+    order of the groups: `EA` (e,) N of those whose stiffness follows a modulus (0 where it is given), `area` (e,) m^2.
+    `mass` (n,) kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy
+    bring.
     """
 
     nodes: np.ndarray
@@ -62,7 +64,9 @@ def read_members(folder: Path, structure: dict[str, Any]) -> Members:
         if structure[key]:
             for element, where in read(folder / structure[key], table_index, nodes, structure):
                 if element.name in taken:
-                    raise SceneError(f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename.")
+                    raise SceneError(
+                        f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename."
+                    )
                 taken[element.name] = where
                 elements.append(element)
     if not elements:
@@ -84,12 +88,16 @@ def _nodes(path: Path):
     seen: dict[str, int] = {}
     for row, label in enumerate(table["node"]):
         if label in seen:
-            raise SceneError(f"{table.at(row)}: node '{label}' stands already in row {table.lines[seen[label]]}; rename it.")
+            raise SceneError(
+                f"{table.at(row)}: node '{label}' stands already in row {table.lines[seen[label]]}; rename it."
+            )
         seen[label] = row
     nodes = np.array([table["x_m"], table["y_m"], table["z_m"]]).T
     fixed = np.array([[axis in f for axis in "xyz"] for f in table["fixed"]])
     if not fixed.any():
-        raise SceneError(f"{table.path.parent.name}/{path.name}: no node is fixed; put xyz into 'fixed' of at least one.")
+        raise SceneError(
+            f"{table.path.parent.name}/{path.name}: no node is fixed; put xyz into 'fixed' of at least one."
+        )
     return tuple(table["node"]), nodes, fixed
 
 
@@ -103,11 +111,13 @@ def _resolve(table: Table, row: int, index: dict[str, int], least: int, most: in
     chain = table["nodes"][row]
     if not least <= len(chain) <= most:
         wanted = str(least) if least == most else f"at least {least}"
-        raise SceneError(f"{table.at(row)}: 'nodes' lists {len(chain)} nodes where {wanted} are needed; correct the cell.")
+        raise SceneError(
+            f"{table.at(row)}: 'nodes' lists {len(chain)} nodes where {wanted} are needed; correct the cell."
+        )
     for label in chain:
         if label not in index:
             raise SceneError(f"{table.at(row)}: node '{label}' is not in the node table; add it or correct the name.")
-    if any(a == b for a, b in zip(chain, chain[1:], strict=False)):
+    if any(a == b for a, b in pairwise(chain)):
         raise SceneError(f"{table.at(row)}: '{table['name'][row]}' starts and ends a leg at one node; correct 'nodes'.")
     return tuple(index[label] for label in chain)
 
@@ -140,9 +150,7 @@ def _canopy(path, index, nodes, structure):
             edges.add((min(i, j), max(i, j)))
             length = float(np.linalg.norm(nodes[i] - nodes[j]))
             mass = t["mass_kg"][row] / 6.0
-            element = _Element(
-                f"{t['name'][row]}_{side}", (i, j), length, t["stiffness_N_per_m"][row], 0.0, True, mass
-            )
+            element = _Element(f"{t['name'][row]}_{side}", (i, j), length, t["stiffness_N_per_m"][row], 0.0, True, mass)
             yield element, t.at(row)
 
 
@@ -150,7 +158,9 @@ def _lines(path, index, nodes, structure):
     t = read_table(path, {"name": name, "nodes": names, "rest_length_m": positive, "diameter_m": positive})
     modulus, density = structure["line_modulus"], structure["line_density"]
     if modulus <= 0.0:
-        raise SceneError(f"{path.parent.name}/scene.toml: [structure] line_modulus must be above zero where there are lines.")
+        raise SceneError(
+            f"{path.parent.name}/scene.toml: [structure] line_modulus must be above zero where there are lines."
+        )
     for row in range(len(t)):
         chain = _resolve(t, row, index, 2, 1000)
         l0 = t["rest_length_m"][row]
@@ -184,12 +194,13 @@ def _check_connected(folder, structure, labels, fixed, elements):
             held[n] += 2.0 if 0 < i < len(e.nodes) - 1 else (1.0 if not e.two_way else 2.0)
     for n, label in enumerate(labels):
         if held[n] == 0.0 and not fixed[n].all():
-            raise SceneError(f"{folder.name}/{structure['nodes']}: node '{label}' belongs to no element; connect or remove it.")
+            raise SceneError(
+                f"{folder.name}/{structure['nodes']}: node '{label}' belongs to no element; connect or remove it."
+            )
         if held[n] == 1.0 and not fixed[n].all():
             line = next(e.name for e in elements if n in e.nodes)
-            raise SceneError(
-                f"{folder.name}/{structure['lines']}: line '{line}' dangles at node '{label}'; connect that end or fix the node."
-            )
+            where = f"{folder.name}/{structure['lines']}"
+            raise SceneError(f"{where}: line '{line}' dangles at node '{label}'; connect that end or fix the node.")
 
 
 def _grouped(elements):

@@ -116,7 +116,9 @@ def load(scene: str | Path, settings: dict[str, Any] | None = None) -> Scene:
         folder = BUILT_IN / str(scene)
     if not (folder / "scene.toml").is_file():
         known = ", ".join(available())
-        raise SceneError(f"there is no scene '{scene}'; built-in scenes are: {known} (or name a folder with a scene.toml).")
+        raise SceneError(
+            f"there is no scene '{scene}'; built-in scenes are: {known} (or name a folder with a scene.toml)."
+        )
     content, chosen = read_description(folder, settings or {})
     members = read_members(folder, content["structure"])
     struts = _struts(folder, content, members)
@@ -133,14 +135,14 @@ def _struts(folder, content, members):
     table = read_table(folder / content["wing"]["struts"], columns)
     if len(table) < 2:
         raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two struts; add one.")
-    pairs = [
-        [members.node(table[column][row], table.at(row)) for column in columns] for row in range(len(table))
-    ]
+    pairs = [[members.node(table[column][row], table.at(row)) for column in columns] for row in range(len(table))]
     struts = np.array(pairs)
     y = members.nodes[struts, 1].mean(axis=1)
     if np.any(np.diff(y) <= 0.0):
         row = int(np.flatnonzero(np.diff(y) <= 0.0)[0]) + 1
-        raise SceneError(f"{table.at(row)}: struts must go from the left tip (y < 0) to the right one; reorder the rows.")
+        raise SceneError(
+            f"{table.at(row)}: struts must go from the left tip (y < 0) to the right one; reorder the rows."
+        )
     return struts
 
 

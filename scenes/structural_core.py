@@ -1,6 +1,6 @@
 """The structural solver of a scene behind blocks: loads in, interface displacements out."""
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from .scene import with_rest_lengths
 from .tables import SceneError
 from .variables import StepFailed, Variable
 
-# Largest load difference between mirrored panels, relative to the largest load, that still counts as symmetric: rounding
-# of an aerodynamic solve, not a sideslip.
+# Largest load difference between mirrored panels, relative to the largest load, that still counts as symmetric:
+# rounding of an aerodynamic solve, not a sideslip.
 ASYMMETRY = 1e-9
 
 
@@ -69,42 +69,42 @@ class StructuralCore(Core):
         if self._scene.content["aero"]["section_force"] != "normal":
             text = "traction on each interface panel, keeps its global direction"
             yield Variable("shear", (panels, 3), unit="Pa", description=text)
-        p = {"causality": "parameter", "variability": "tunable"}
-        yield Variable("gravity", unit="m/s2", start=content["gravity"], description="gravity, towards -z", **p)
+        tunable = partial(Variable, causality="parameter", variability="tunable")
+        yield tunable("gravity", unit="m/s2", start=content["gravity"], description="gravity, towards -z")
         if content["line_modulus"]:
             text = "Young's modulus of the bridle lines"
-            yield Variable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text, **p)
+            yield tunable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text)
         for parameter in self._tapes:
             start = self._rest[0][self._tape_rows(parameter)[0]]
             text = "rest length of " + ", ".join(self._tapes[parameter])
-            yield Variable(parameter, unit="m", start=start, minimum=1e-3, description=text, **p)
+            yield tunable(parameter, unit="m", start=start, minimum=1e-3, description=text)
         if m.wing_mass.sum() > 0.0:
             text = "mass of springs and canopy together; their nodes' shares scale with it"
-            yield Variable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text, **p)
+            yield tunable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text)
         start = content["symmetric"] and self._mirror is not None
         text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
-        yield Variable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text, **p)
+        yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
         text = "largest out-of-balance force that counts as equilibrium"
-        yield Variable("solver_tolerance", unit="N", start=1e-6, minimum=1e-12, description=text, **p)
+        yield tunable("solver_tolerance", unit="N", start=1e-6, minimum=1e-12, description=text)
         if self._scene.content["trim"] is not None:
             text = "rigid nose-up rotation about the pivot in which the structure starts"
             yield Variable(
                 "trim_angle", unit="rad", causality="parameter", variability="fixed", minimum=-3.2, maximum=3.2,
                 description=text,
             )  # fmt: skip
-        o = {"causality": "output"}
+        output = partial(Variable, causality="output")
         text = "interface displacement from the reference configuration"
-        yield Variable("displacement", (points, 3), unit="m", description=text, **o)
-        yield Variable("position", m.nodes.shape, unit="m", start=m.nodes, description="positions of all nodes", **o)
-        yield Variable("tension", (len(m.names),), unit="N", description="tension of each element", **o)
+        yield output("displacement", (points, 3), unit="m", description=text)
+        yield output("position", m.nodes.shape, unit="m", start=m.nodes, description="positions of all nodes")
+        yield output("tension", (len(m.names),), unit="N", description="tension of each element")
         text = "force of the structure on its supports"
-        yield Variable("support_force", (3,), unit="N", description=text, **o)
-        yield Variable("slack_lines", kind="integer", description="tension-only elements without tension", **o)
-        yield Variable("residual", unit="N", description="out-of-balance force over free dofs after the step", **o)
+        yield output("support_force", (3,), unit="N", description=text)
+        yield output("slack_lines", kind="integer", description="tension-only elements without tension")
+        yield output("residual", unit="N", description="out-of-balance force over free dofs after the step")
         text = "out-of-balance force of the state before the step under the loads of the step"
-        yield Variable("imbalance", unit="N", description=text, **o)
-        yield Variable("newton_iterations", kind="integer", description="Newton iterations of the step", **o)
-        yield Variable("symmetry_used", kind="boolean", description="whether the last solve was of one half", **o)
+        yield output("imbalance", unit="N", description=text)
+        yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
+        yield output("symmetry_used", kind="boolean", description="whether the last solve was of one half")
 
     @property
     def element_names(self):

@@ -97,7 +97,9 @@ def read_table(path: Path, columns: dict[str, Callable[[str], Any]]) -> Table:
     place = {c: header.index(c) for c in columns}
     for line, row in rows[1:]:
         if len(row) != len(header):
-            raise SceneError(f"{label} row {line} has {len(row)} cells where the header has {len(header)}; mend the row.")
+            raise SceneError(
+                f"{label} row {line} has {len(row)} cells where the header has {len(header)}; mend the row."
+            )
         for column, convert in columns.items():
             cell = row[place[column]].strip()
             try:

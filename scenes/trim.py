@@ -1,5 +1,6 @@
 """Where a kite starts: turned as a rigid body about its bridle point until nothing pitches it."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,14 @@ from scipy.optimize import brentq
 from .structural_core import rotated
 from .tables import SceneError
 
-# Scan step of the search for a sign change; pitching moment curves of kites have one stable zero within tens of degrees.
+# Scan step of the search for a sign change; pitching moment curves of kites have one stable zero within tens of
+# degrees.
 STEP_DEG = 2.5
 
 
 def trim_angle(scene, parameters: dict[str, Any]) -> float:
-    """Nose-up rotation (rad) about the pivot where air and weight together do not pitch, the moment falling with the angle.
+    """Nose-up rotation (rad) about the pivot where air and weight together do not pitch, the moment falling with the
+    angle.
 
     `parameters` override the start values of the cores. Raises `SceneError` where the range given in [trim]
     holds no such angle.
@@ -42,12 +45,12 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
     low, high = (np.deg2rad(scene.content["trim"][key]) for key in ("lowest_deg", "highest_deg"))
     angles = np.linspace(low, high, max(2, int(np.ceil((high - low) / np.deg2rad(STEP_DEG))) + 1))
     before = moment(angles[0])
-    for left, right in zip(angles, angles[1:], strict=False):
+    for left, right in pairwise(angles):
         after = moment(right)
         if before > 0.0 >= after:
             return float(brentq(moment, left, right, xtol=1e-6))
         before = after
     raise SceneError(
-        f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees has zero pitching moment "
-        "about the pivot; widen [trim] in scene.toml or check the wind."
+        f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees has zero pitching "
+        "moment about the pivot; widen [trim] in scene.toml or check the wind."
     )

@@ -17,7 +17,9 @@ def _dofs(nodes):
 
 @dataclass(frozen=True, eq=False)
 class _Scatter:
-    """Where the values of element blocks go: targets in `data` or in the residual, with signs; pads go to a last bin."""
+    """Where the values of element blocks go: targets in `data` or in the residual, with signs; pads go to a last
+    bin.
+    """
 
     target: np.ndarray
     sign: np.ndarray
@@ -92,9 +94,7 @@ class Assembly:
         """Constant derivative of the corner coordinates (12 p,) with respect to the unknowns, sparse (12 p, q)."""
         u, h = self.unknowns, sp.csr_array(self.structure.surface)
         free = u.index >= 0
-        t = sp.csr_array(
-            (u.sign[free], (np.flatnonzero(free), u.index[free])), shape=(len(u.index), u.count)
-        )
+        t = sp.csr_array((u.sign[free], (np.flatnonzero(free), u.index[free])), shape=(len(u.index), u.count))
         h3 = sp.kron(h[self._corners.reshape(-1)], sp.identity(3), format="csr")
         return sp.csr_array(h3 @ t)
 

@@ -35,8 +35,8 @@ def _legs(x, chains):
 def tensions(x, chains):
     """Tension N (e,) of every element at node positions x (n,3): k <sum of leg lengths - l0>.
 
-    The bracket is the positive part unless the element is two-way (PSM thesis eq. 4.3, engineering strain). A frictionless
-    rope has the same tension in all of its legs.
+    The bracket is the positive part unless the element is two-way (PSM thesis eq. 4.3, engineering strain). A
+    frictionless rope has the same tension in all of its legs.
     """
     _, l, _ = _legs(x, chains)
     return _tension(l, chains)[0]

@@ -18,7 +18,9 @@ MOST_REJECTIONS, MOST_CUTS = 30, 12
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, and the residual norms N met on the way."""
+    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, and the residual norms N met on the
+    way.
+    """
 
     x: np.ndarray
     status: str
@@ -48,7 +50,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
 
-    Where the elements are so stiff that rounding of their lengths alone makes larger forces, that rounding is the tolerance.
+    Where the elements are so stiff that rounding of their lengths alone makes larger forces, that rounding is the
+    tolerance.
 
     Newton on K + mu S, S the mean stiffness. The shift mu is tied to the residual and adapts to how well the step did
     (Levenberg-Marquardt; quadratic convergence at the end also with mechanisms). Steps are capped at `step_limit` m per

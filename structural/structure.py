@@ -27,7 +27,9 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels (None: not there), `dead` (n,3) N on nodes."""
+    """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels (None: not there), `dead` (n,3) N on
+    nodes.
+    """
 
     pressure: np.ndarray
     shear: np.ndarray | None
@@ -83,7 +85,9 @@ class Unknowns:
 
 
 def unknowns(nodes, fixed, mirror=None):
-    """Unknowns of a structure with reference `nodes` (n,3), supports `fixed` (n,3), and its `mirror` permutation if any."""
+    """Unknowns of a structure with reference `nodes` (n,3), supports `fixed` (n,3), and its `mirror` permutation if
+    any.
+    """
     n = len(nodes)
     dof = np.arange(3 * n).reshape(n, 3)
     sign = np.ones((n, 3))
@@ -103,7 +107,9 @@ def unknowns(nodes, fixed, mirror=None):
     index = np.where(known, -1, number[master])
     base = np.where(known, nodes, 0.0)
     if mirror is not None:
-        base[mirror == np.arange(n), 1] = np.where(fixed[mirror == np.arange(n), 1], base[mirror == np.arange(n), 1], 0.0)
+        base[mirror == np.arange(n), 1] = np.where(
+            fixed[mirror == np.arange(n), 1], base[mirror == np.arange(n), 1], 0.0
+        )
     return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first)
 
 

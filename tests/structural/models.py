@@ -1,0 +1,145 @@
+"""Structures and differences that the tests of this folder share."""
+
+import numpy as np
+import scipy.sparse as sp
+
+from structural import Assembly, Chains, Loads, Structure
+
+MIRROR = np.array([1.0, -1.0, 1.0])
+
+# Step of central differences on coordinates of about 1 m. Truncation is h^2 f'''/6, about 1e-12 of the tangent on members
+# of 1 m, rounding eps f / h, about 1e-10 of it; both leave the 1e-6 that is asked for a wide margin, also on members of
+# 0.1 m, where truncation grows a hundredfold.
+STEP = 1e-6
+# Moving one unknown by h moves at most both ends of a leg and both neighbours of a sheave: a rope changes by less than
+# this many steps, so a state whose stretches all lie further from zero does not meet the slack kink between its samples.
+KINK = 8.0 * STEP
+TANGENT_TOLERANCE = 1e-6  # asked for by the issue; relative to the largest entry of the tangent
+
+
+def central_difference(f, x, h=STEP):
+    """Derivative (outputs, inputs) of f at x by central differences."""
+    columns = []
+    for i in range(x.size):
+        e = np.zeros(x.size)
+        e[i] = h
+        columns.append((np.ravel(f(x + e.reshape(x.shape))) - np.ravel(f(x - e.reshape(x.shape)))) / (2.0 * h))
+    return np.array(columns).T
+
+
+def chains(nodes, l0, k, two_way=False):
+    """Chains with the same stiffness and kind for all elements, names left out."""
+    nodes = np.atleast_2d(nodes)
+    e = len(nodes)
+    return Chains(nodes, np.broadcast_to(l0, e).astype(float), np.broadcast_to(k, e).astype(float),
+                  np.broadcast_to(two_way, e).copy())  # fmt: skip
+
+
+def structure(nodes, fixed, groups, surface=None, panels=None):
+    """Structure without a surface unless one is given; `fixed` may be one flag a node."""
+    nodes = np.asarray(nodes, float)
+    fixed = np.asarray(fixed, bool)
+    fixed = np.repeat(fixed[:, None], 3, axis=1) if fixed.ndim == 1 else fixed
+    surface = sp.csr_array((0, len(nodes))) if surface is None else sp.csr_array(surface)
+    panels = np.zeros((0, 4), dtype=int) if panels is None else np.asarray(panels)
+    return Structure(nodes, fixed, tuple(groups), surface, panels)
+
+
+def dead(weight):
+    """Loads that are nodal forces (n,3) N only."""
+    return Loads(np.zeros(0), None, np.asarray(weight, float))
+
+
+def lengths(x, nodes):
+    """Lengths m of chains with nodes (e,m) along their legs."""
+    return np.linalg.norm(np.diff(x[nodes], axis=1), axis=2).sum(axis=1)
+
+
+def clear_of_kinks(x, groups):
+    """Whether no tension-only element is so near its rest length that a difference step crosses it."""
+    return all(np.all(c.two_way | (np.abs(lengths(x, c.nodes) - c.l0) > KINK)) for c in groups)
+
+
+def residual_of(assembly, groups, loads):
+    """The residual as a function of the unknowns, and the prepared loads."""
+    prepared = assembly.prepare(groups, loads)
+    return (lambda q: assembly.residual(q, prepared)[0]), prepared
+
+
+def random_mirrored(rng, pairs=6, in_plane=3):
+    """A random mirror-symmetric structure of springs, lines and ropes over 1 to 3 sheaves, with a surface hung on it.
+
+    The surface has quads, a triangle and panels that reach over the plane; its nodes are affine combinations of
+    structural nodes, some with negative weights. Returns structure, mirror permutation, pressure and shear.
+    """
+    right = rng.uniform([-1, 0.4, -1], [1, 2, 1], (pairs, 3))
+    middle = rng.uniform([-1, 0, -1], [1, 0, 1], (in_plane, 3))
+    nodes = np.concatenate([right, right * MIRROR, middle])
+    n = len(nodes)
+    mirror = np.concatenate([np.arange(pairs, 2 * pairs), np.arange(pairs), np.arange(2 * pairs, n)])
+    groups = []
+    for size, count in ((2, 7), (3, 4), (4, 3), (5, 2)):
+        rows = np.array([rng.choice(n, size, replace=False) for _ in range(count)])
+        seen, rope = {}, []
+        for row in rows:  # an element that equals its own image counts once
+            for r in (row, mirror[row]):
+                seen.setdefault(tuple(sorted(r)), len(rope) if len(rope) == len(seen) else None)
+                if len(rope) < len(seen):
+                    rope.append(r)
+        rope = np.array(rope)
+        own = {tuple(sorted(r)): rng.uniform(0.6, 1.1) for r in rope}
+        stiff = {tuple(sorted(r)): rng.uniform(50.0, 500.0) for r in rope}
+        two = {tuple(sorted(r)): bool(rng.random() < 0.4) for r in rope}
+        first = [min(tuple(sorted(r)), tuple(sorted(mirror[r]))) for r in rope]
+        own, stiff, two = (np.array([d.get(f, d[tuple(sorted(r))]) for f, r in zip(first, rope, strict=True)])
+                           for d in (own, stiff, two))  # fmt: skip
+        groups.append(Chains(rope, own * lengths(nodes, rope), stiff, two))
+    fixed = np.zeros((n, 3), bool)
+    fixed[[0, pairs]] = True
+    fixed[1, 2] = fixed[pairs + 1, 2] = True
+    fixed[2 * pairs, 0] = True
+    return *_with_surface(rng, nodes, fixed, groups, mirror, pairs), mirror
+
+
+def _with_surface(rng, nodes, fixed, groups, mirror, pairs):
+    n = len(nodes)
+    half = np.zeros((5, n))
+    for row in half:
+        of = rng.choice(n, 4, replace=False)
+        row[of] = rng.uniform(-0.3, 1.0, 4)
+        row /= row.sum()
+    surface = np.concatenate([half, half[:, mirror], np.eye(n)[2 * pairs : 2 * pairs + 2]])
+    quads = np.array([[0, 1, 2, 3], [1, 4, 2, 2], [0, 3, 4, 10]])
+    image = np.concatenate([np.arange(5, 10), np.arange(5), [10, 11]])
+    across = np.array([[0, 5, 6, 1]])
+    panels = np.concatenate([quads, image[quads[:, [0, 3, 2, 1]]], across])
+    p = rng.uniform(-200, 200, 3)
+    s = rng.uniform(-100, 100, (3, 3))
+    pressure = np.concatenate([p, p, rng.uniform(-200, 200, 1)])
+    shear = np.concatenate([s, s * MIRROR, rng.uniform(-100, 100, (1, 3)) * [1, 0, 1]])
+    # the image of a triangle (a, b, c, c) listed backwards is (a, c, c, b): collapsed at another corner, same panel
+    return structure(nodes, fixed, groups, surface, panels), Loads(pressure, shear, np.zeros_like(nodes))
+
+
+def saddle(g, ratio, two_way):
+    """The saddle net with g^2 + (g-1)^2 nodes: 10 m wide, 5 m high, springs of 10 N/m, rest length `ratio` x initial.
+
+    Every cell centre is tied to the four corners of its cell; the edge is fixed on z = 5 m (u + v - 2 u v), which rises
+    along one edge and falls along the opposite one; free nodes start at 2.5 m (LEI thesis 5.4.1).
+    """
+    corner = np.stack(np.meshgrid(*2 * [np.linspace(0.0, 1.0, g)], indexing="ij"), axis=-1).reshape(-1, 2)
+    middle = np.stack(np.meshgrid(*2 * [(np.arange(g - 1) + 0.5) / (g - 1)], indexing="ij"), axis=-1).reshape(-1, 2)
+    uv = np.concatenate([corner, middle])
+    edge = np.any((uv == 0.0) | (uv == 1.0), axis=1)
+    u, v = uv.T
+    nodes = np.column_stack([10.0 * u, 10.0 * v, np.where(edge, 5.0 * (u + v - 2.0 * u * v), 2.5)])
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(g - 1), np.arange(g - 1), indexing="ij"))
+    centre = g * g + i * (g - 1) + j
+    springs = np.concatenate([np.stack([centre, (i + a) * g + j + b], axis=1) for a in (0, 1) for b in (0, 1)])
+    net = chains(springs, ratio * lengths(nodes, springs), 10.0, two_way)
+    return structure(nodes, edge, [net])
+
+
+def assembled(s, mirror=None):
+    """The assembly of a structure; spelt out once."""
+    return Assembly(s, mirror)
