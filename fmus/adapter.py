@@ -7,7 +7,6 @@ PythonFMU answers an exception with fmi2Fatal and a double free in the host. Not
 they log one sentence instead, and the step that follows is discarded (it is the only call that can report a failure).
 """
 
-import atexit
 import contextlib
 import ctypes
 import importlib
@@ -66,15 +65,17 @@ def _share_modules(resources: Path) -> None:
 
 
 def _end_cleanly(resources: Path) -> None:
-    """Let go of the interpreter at the end of Python, before the C library unloads the FMU's binary.
+    """Let go of the interpreter as the first thing when the process exits.
 
-    The binary does it twice while unloading, the second time on freed memory: some processes then abort or hang at
-    exit, after correct results. Its own function does it well before that, and leaves nothing for the two.
+    Left to itself, the FMU's binary does it while it is unloaded, twice, the second time on freed memory and, where it
+    owns the interpreter, after the libraries of numpy and scipy have ended: the process may abort or hang at exit,
+    after correct results. Its own function, called before all that, leaves nothing to do for the two.
     """
     for path in (resources.parent / "binaries").glob("*/*.so"):
         with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise
-            library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)
-            atexit.register(library.finalizePythonInterpreter)
+            library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)  # and thereby never unmapped
+            last = ctypes.cast(library.finalizePythonInterpreter, ctypes.c_void_p)
+            getattr(ctypes.CDLL(None), "__cxa_atexit")(last, None, None)
 
 
 class CoreFmu(Fmi2Slave):
@@ -87,7 +88,6 @@ class CoreFmu(Fmi2Slave):
     def __init__(self, core: Core | None = None, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         if self.resources is not None:
-            _end_cleanly(Path(self.resources))
             _share_modules(Path(self.resources))
         self._core = self._resource_core(Path(self.resources)) if core is None else core
         self.blocks: dict[str, tuple[Variable, slice]] = {}
@@ -107,6 +107,8 @@ class CoreFmu(Fmi2Slave):
         self._lost: str | None = None  # a state that could not be restored
         self._time = 0.0
         self._fetch(self.blocks)
+        if self.resources is not None:
+            _end_cleanly(Path(self.resources))
 
     @staticmethod
     def scene_core(scene: scenes.Scene) -> Core:
@@ -215,6 +217,10 @@ class CoreFmu(Fmi2Slave):
         self._settle()
         self._initialising = False
         self._locked |= {name for name, (v, _) in self.blocks.items() if v.variability == "fixed"}
+
+    def terminate(self) -> None:
+        with contextlib.suppress(BaseException):
+            _end_cleanly(Path(self.resources))  # again, to come before libraries that were loaded since
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """One step of the core with the present inputs; False (fmi2Discard) with a logged sentence if it fails."""

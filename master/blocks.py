@@ -1,9 +1,11 @@
 """Named blocks of values: their shapes, what may be set, and how the scalars of an FMU form them."""
 
+import ctypes
 import itertools
 import math
 import re
 from collections.abc import Iterable
+from ctypes import c_double, c_int, c_uint
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
@@ -119,3 +121,16 @@ def described_limits(scalars: list[Any], shape: tuple[int, ...]) -> Limits:
         np.reshape(lower, shape) if np.isfinite(lower).any() else None,
         np.reshape(upper, shape) if np.isfinite(upper).any() else None,
     )
+
+
+class Channel:
+    """The C arrays of one block: value references, a buffer, and numpy's view of the buffer."""
+
+    def __init__(self, dll: Any, component: int, scalars: list[Any], shape: tuple[int, ...]) -> None:
+        kind = {"Enumeration": "Integer"}.get(scalars[0].type, scalars[0].type)
+        self.set_, self.get_ = getattr(dll, f"fmi2Set{kind}"), getattr(dll, f"fmi2Get{kind}")
+        number = c_double if kind == "Real" else c_int
+        self.values = np.zeros(shape, dtype=number)
+        references = (c_uint * len(scalars))(*(scalar.valueReference for scalar in scalars))
+        pointer = ctypes.cast(self.values.ctypes.data, ctypes.POINTER(number))
+        self.arguments = component, ctypes.cast(references, ctypes.POINTER(c_uint)), len(scalars), pointer

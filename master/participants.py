@@ -4,7 +4,6 @@ An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one 
 """
 
 import contextlib
-import ctypes
 import itertools
 import os
 import shutil
@@ -12,7 +11,7 @@ import tempfile
 import weakref
 from collections import deque
 from collections.abc import Mapping
-from ctypes import byref, c_double, c_int, c_uint, c_void_p
+from ctypes import byref, c_void_p
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,7 +20,7 @@ from fmpy import calloc, extract, free, platform, read_model_description
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
-from master.blocks import Blocks, Limits, described_limits, grouped
+from master.blocks import Blocks, Channel, Limits, described_limits, grouped
 
 
 class StepFailed(RuntimeError):
@@ -120,19 +119,6 @@ _PROXIED_POINTER = byref(_PROXIED)
 _WARNING, _DISCARD, _FATAL = 1, 2, 4  # fmi2Status
 
 
-class _Channel:
-    """The C arrays of one block: value references, a buffer, and numpy's view of the buffer."""
-
-    def __init__(self, dll: Any, component: int, scalars: list[Any], shape: tuple[int, ...]) -> None:
-        kind = {"Enumeration": "Integer"}.get(scalars[0].type, scalars[0].type)
-        self.set_, self.get_ = getattr(dll, f"fmi2Set{kind}"), getattr(dll, f"fmi2Get{kind}")
-        number = c_double if kind == "Real" else c_int
-        self.values = np.zeros(shape, dtype=number)
-        references = (c_uint * len(scalars))(*(scalar.valueReference for scalar in scalars))
-        pointer = ctypes.cast(self.values.ctypes.data, ctypes.POINTER(number))
-        self.arguments = component, ctypes.cast(references, ctypes.POINTER(c_uint)), len(scalars), pointer
-
-
 def _needed(path: str) -> bool:
     """Whether a file of an FMU is of use here: the binaries of other platforms are not."""
     return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
@@ -187,7 +173,7 @@ class FmuParticipant(Blocks):
         self._scalars = grouped(description.modelVariables)
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self.limits = {name: described_limits(*block) for name, block in self._scalars.items()}
-        self._channels: dict[str, _Channel] = {}
+        self._channels: dict[str, Channel] = {}
         callbacks = fmi2CallbackFunctions()
         callbacks.logger, callbacks.componentEnvironment = _LOGGER, next(_NUMBERS)
         callbacks.allocateMemory = type(callbacks.allocateMemory)(calloc)
@@ -201,9 +187,8 @@ class FmuParticipant(Blocks):
             fmu = FMU2Slave(guid=description.guid, requireFunctions=False, **where)
             fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
-            raise ValueError(
-                f"{path} cannot be instantiated: {' '.join((self._reason or str(error)).split())}"
-            ) from error
+            why = " ".join((self._reason or str(error)).split())
+            raise ValueError(f"{path} cannot be instantiated: {why}") from error
         finally:
             os.chdir(before)  # fmpy leaves the working directory when a library does not load
         self._fmu, self._component = fmu, fmu.component
@@ -239,11 +224,11 @@ class FmuParticipant(Blocks):
         if status > _WARNING or self._worst > _DISCARD:
             raise ValueError(f"{self.name}: {self._reason or f'status {status} of {function.__name__}'}")
 
-    def _channel(self, block: str) -> _Channel:
+    def _channel(self, block: str) -> Channel:
         channel = self._channels.get(block)
         if channel is None:
             self.shape(block)
-            channel = self._channels[block] = _Channel(self._alive(), self._component, *self._scalars[block])
+            channel = self._channels[block] = Channel(self._alive(), self._component, *self._scalars[block])
         return channel
 
     def _put(self, block: str, array: np.ndarray) -> None:

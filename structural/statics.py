@@ -12,8 +12,12 @@ from .structure import Loads
 # The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
 # nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
 SMALLEST_SHIFT = 1e-12
+# Stiffness that a dof without any gets in the shift, relative to the largest.
+SOFTEST = 1e-6
 # Steps refused one after the other, and cuts of one step, before giving up.
 MOST_REJECTIONS, MOST_CUTS = 30, 12
+# After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
+SHORT_STEPS, BURST = 3, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +57,12 @@ def equilibrium(
     Where the elements are so stiff that rounding of their lengths alone makes larger forces, that rounding is the
     tolerance.
 
-    Newton on K + mu S, S the mean stiffness. The shift mu is tied to the residual and adapts to how well the step did
-    (Levenberg-Marquardt; quadratic convergence at the end also with mechanisms). Steps are capped at `step_limit` m per
-    node, and shortened until the out-of-balance force along them no longer grows: for tension-only members under dead
-    loads that is a line search on a convex energy, and it needs no energy, so follower loads may take part.
+    Whole Newton steps come first and are kept as long as each burst of them lowers the residual: that is all a warm
+    start needs, and it is what stiff members need that turn by a large angle. Otherwise Newton on K + mu S goes on, S
+    the diagonal of K: the shift mu is tied to the residual and adapts to how well the step did (Levenberg-Marquardt;
+    quadratic convergence at the end also with mechanisms), and a step is shortened until the out-of-balance force
+    along it no longer grows. For tension-only members under dead loads that is a line search on a convex energy, and
+    it needs no energy, so follower loads may take part. No step moves a node by more than `step_limit` m.
     """
     u = assembly.unknowns
     prepared = assembly.prepare(chains, loads)
@@ -67,7 +73,14 @@ def equilibrium(
     atol = max(atol, rounding_force(chains))
     damping = 0.0 if norm < 1e3 * (atol + rtol * external) else 1.0
     status = "max_iterations"
-    rejected = 0
+    rejected = short = 0
+    patience = SHORT_STEPS
+    while norm > atol + rtol * external and len(norms) <= max_iterations:
+        (q, r, k, external), spent, better = _burst(assembly, prepared, (q, r, k, external), atol, rtol, step_limit)
+        norm = float(np.linalg.norm(r))
+        norms.extend([norm] * spent)
+        if not better:
+            break
     for _ in range(max_iterations + 1):
         if norm <= atol + rtol * external:
             status = "converged"
@@ -90,6 +103,7 @@ def equilibrium(
                 break
             continue
         rejected = 0
+        short = short + 1 if s < 0.3 else 0
         if s == 1.0:
             damping = 0.2 * damping if damping > 1e-8 else 0.0
         elif s < 0.3:
@@ -98,6 +112,12 @@ def equilibrium(
         r, k, external = trial
         norm = float(np.linalg.norm(r))
         norms.append(norm)
+        if short >= patience:
+            (q, r, k, external), spent, better = _burst(assembly, prepared, (q, r, k, external), atol, rtol, step_limit)
+            norm = float(np.linalg.norm(r))
+            norms.extend([norm] * spent)
+            damping = 0.0 if better else damping
+            short, patience = 0, SHORT_STEPS if better else 2 * patience
     return Equilibrium(u.expand(q), status, len(norms) - 1, tuple(norms))
 
 
@@ -108,11 +128,12 @@ def rounding_force(chains):
 
 def _step(k, r, norm, damping, external, assembly):
     """Newton step of the shifted tangent; the shift grows until the step goes downhill (-r.d > 0)."""
-    mean = float(np.abs(k.data[assembly.diagonal]).mean())
+    diagonal = np.abs(k.data[assembly.diagonal])
+    scale = np.maximum(diagonal, SOFTEST * diagonal.max())
     mu = max(damping * min(norm / max(external, 1e-30), 1.0), SMALLEST_SHIFT)
     while True:
         shifted = k.copy()
-        shifted.data[assembly.diagonal] += mu * mean
+        shifted.data[assembly.diagonal] += mu * scale
         try:
             step = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-r)
         except RuntimeError:  # exactly singular
@@ -120,8 +141,25 @@ def _step(k, r, norm, damping, external, assembly):
         if np.all(np.isfinite(step)) and float(step @ r) < 0.0:
             return step
         if mu > 1e6:
-            return -r / mean
+            return -r / scale
         mu = max(10.0 * mu, 1e-6)
+
+
+def _burst(assembly, prepared, state, atol, rtol, step_limit):
+    """State (q, r, K, ||f_ext||) after whole Newton steps, or the one given if they lead nowhere; steps; success."""
+    q, r, k, external = state
+    start = norm = float(np.linalg.norm(r))
+    for count in range(1, BURST + 1):
+        step = _step(k, r, norm, 0.0, external, assembly)
+        longest = float(np.abs(step).max())
+        q = q + step * min(1.0, step_limit / longest)
+        r, k, external = assembly.residual_and_tangent(q, prepared)
+        norm = float(np.linalg.norm(r))
+        if not np.isfinite(norm):
+            return state, count, False
+        if norm <= max(atol + rtol * external, 0.1 * start):
+            return (q, r, k, external), count, True
+    return (state, BURST, False) if norm >= start else ((q, r, k, external), BURST, True)
 
 
 def _along(assembly, prepared, q, r, step):

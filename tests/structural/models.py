@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sp
 
-from structural import Assembly, Chains, Loads, Structure
+from structural import Chains, Loads, Structure
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 
@@ -77,28 +77,32 @@ def random_mirrored(rng, pairs=6, in_plane=3):
     nodes = np.concatenate([right, right * MIRROR, middle])
     n = len(nodes)
     mirror = np.concatenate([np.arange(pairs, 2 * pairs), np.arange(pairs), np.arange(2 * pairs, n)])
-    groups = []
-    for size, count in ((2, 7), (3, 4), (4, 3), (5, 2)):
-        rows = np.array([rng.choice(n, size, replace=False) for _ in range(count)])
-        seen, rope = {}, []
-        for row in rows:  # an element that equals its own image counts once
-            for r in (row, mirror[row]):
-                seen.setdefault(tuple(sorted(r)), len(rope) if len(rope) == len(seen) else None)
-                if len(rope) < len(seen):
-                    rope.append(r)
-        rope = np.array(rope)
-        own = {tuple(sorted(r)): rng.uniform(0.6, 1.1) for r in rope}
-        stiff = {tuple(sorted(r)): rng.uniform(50.0, 500.0) for r in rope}
-        two = {tuple(sorted(r)): bool(rng.random() < 0.4) for r in rope}
-        first = [min(tuple(sorted(r)), tuple(sorted(mirror[r]))) for r in rope]
-        own, stiff, two = (np.array([d.get(f, d[tuple(sorted(r))]) for f, r in zip(first, rope, strict=True)])
-                           for d in (own, stiff, two))  # fmt: skip
-        groups.append(Chains(rope, own * lengths(nodes, rope), stiff, two))
+    groups = [_mirrored_chains(rng, nodes, mirror, size, count) for size, count in ((2, 9), (3, 5), (4, 3), (5, 2))]
     fixed = np.zeros((n, 3), bool)
     fixed[[0, pairs]] = True
     fixed[1, 2] = fixed[pairs + 1, 2] = True
     fixed[2 * pairs, 0] = True
     return *_with_surface(rng, nodes, fixed, groups, mirror, pairs), mirror
+
+
+def _mirrored_chains(rng, nodes, mirror, size, count):
+    """`count` random elements of `size` nodes and their images, each once, half of them slack."""
+    rows, l0, k, two_way = [], [], [], []
+    used = set()
+    while len(used) < count:
+        row = rng.choice(len(nodes), size, replace=False)
+        image = mirror[row]
+        key = min(tuple(sorted(row)), tuple(sorted(image)))
+        itself = np.array_equal(np.sort(row), np.sort(image))
+        if key in used or (itself and not (np.array_equal(row, image) or np.array_equal(row, image[::-1]))):
+            continue
+        used.add(key)
+        values = rng.uniform(0.6, 1.2) * lengths(nodes, row[None])[0], rng.uniform(50.0, 500.0), rng.random() < 0.4
+        for r in [row] if itself else [row, image[::-1]]:
+            rows.append(r)
+            for to, value in zip((l0, k, two_way), values, strict=True):
+                to.append(value)
+    return Chains(np.array(rows), np.array(l0), np.array(k), np.array(two_way))
 
 
 def _with_surface(rng, nodes, fixed, groups, mirror, pairs):
@@ -139,7 +143,3 @@ def saddle(g, ratio, two_way):
     net = chains(springs, ratio * lengths(nodes, springs), 10.0, two_way)
     return structure(nodes, edge, [net])
 
-
-def assembled(s, mirror=None):
-    """The assembly of a structure; spelt out once."""
-    return Assembly(s, mirror)

@@ -1,0 +1,95 @@
+"""Section polars between, at and beyond the points of their tables."""
+
+import numpy as np
+import pytest
+
+from aero import StripPolars
+from tests.aero.wings import stalling_tables
+
+ALPHA, CL, CD, CM = stalling_tables(4)
+SPAN = np.array([0.0, 0.3, 0.6, 1.0])
+
+
+def polars(strip_span):
+    return StripPolars.from_tables(ALPHA, CL, CD, CM, SPAN, strip_span)
+
+
+def test_linear_tables_are_reproduced_exactly_in_angle_and_along_the_span():
+    alpha = np.deg2rad([-20.0, -3.0, 1.0, 14.0])
+    span = np.array([0.0, 0.2, 1.0])
+    slope = 4.0 + 2.0 * span
+    tables = [slope[:, None] * alpha + k for k in (0.1, 0.2, 0.3)]
+    at = np.random.default_rng(0).uniform(0.0, 1.0, 20)
+    angle = np.random.default_rng(1).uniform(alpha[0], alpha[-1], 20)
+    p = StripPolars.from_tables(alpha, *tables, span, at)
+    exact = (4.0 + 2.0 * at) * angle
+    cl, d_cl, outside = p.lift(angle)
+    # rounding of coefficients of order 1
+    np.testing.assert_allclose(cl, exact + 0.1, atol=1e-14)
+    np.testing.assert_allclose(d_cl, 4.0 + 2.0 * at, rtol=1e-13)
+    np.testing.assert_allclose(p.all(angle), exact + np.array([[0.1], [0.2], [0.3]]), atol=1e-14)
+    assert not outside.any()
+
+
+def test_every_table_point_is_met_by_a_strip_on_its_section():
+    p = polars(SPAN)
+    for k, a in enumerate(ALPHA):
+        # rounding: cubics evaluated at their ends
+        np.testing.assert_allclose(p.all(np.full(4, a)), [CL[:, k], CD[:, k], CM[:, k]], atol=1e-14)
+
+
+@pytest.mark.parametrize("beyond", [-0.5, -1e-6, 1e-6, 2.0])
+def test_beyond_the_table_the_end_value_is_held_flat_and_flagged(beyond):
+    p = polars(SPAN)
+    end = 0 if beyond < 0.0 else -1
+    angle = np.full(4, ALPHA[end] + beyond)
+    cl, slope, outside = p.lift(angle)
+    np.testing.assert_allclose(cl, CL[:, end], atol=1e-14)  # rounding
+    np.testing.assert_allclose(p.all(angle)[1:], [CD[:, end], CM[:, end]], atol=1e-14)  # rounding
+    assert np.all(slope == 0.0)
+    assert outside.all()
+    assert not p.lift(np.full(4, ALPHA[end]))[2].any()  # the end itself belongs to the table
+
+
+def test_a_strip_outside_the_outermost_sections_takes_the_nearest_polar():
+    outer, inner = polars(np.array([-0.4, 1.7])), polars(np.array([0.0, 1.0]))
+    assert np.array_equal(outer.coefficients, inner.coefficients)
+
+
+def test_values_between_two_table_points_stay_between_theirs_through_stall():
+    """No overshoot: monotone between neighbouring points in angle (on a section) and between sections (at an angle)."""
+    p = polars(SPAN)
+    for t in np.linspace(0.0, 1.0, 11):
+        for k in range(len(ALPHA) - 1):
+            values = p.all(np.full(4, ALPHA[k] + t * (ALPHA[k + 1] - ALPHA[k])))
+            for got, table in zip(values, (CL, CD, CM), strict=True):
+                low, high = np.minimum(table[:, k], table[:, k + 1]), np.maximum(table[:, k], table[:, k + 1])
+                assert np.all(got >= low - 1e-14)  # rounding
+                assert np.all(got <= high + 1e-14)
+    at = np.linspace(0.0, 1.0, 101)
+    bay = np.clip(np.searchsorted(SPAN, at, side="right") - 1, 0, 2)
+    p = polars(at)
+    for k in range(0, len(ALPHA), 5):
+        cl = p.lift(np.full(101, ALPHA[k]))[0]
+        assert np.all(cl >= np.minimum(CL[bay, k], CL[bay + 1, k]) - 1e-14)  # rounding
+        assert np.all(cl <= np.maximum(CL[bay, k], CL[bay + 1, k]) + 1e-14)
+
+
+def test_value_and_slope_are_continuous_at_every_inner_table_point():
+    p = polars(np.array([0.1, 0.45, 0.9]))
+    h = 1e-9
+    for a in ALPHA[1:-1]:
+        below, above = p.lift(np.full(3, a - h)), p.lift(np.full(3, a + h))
+        # curvature is below 1e3 per rad^2, so over 2 h the slope may change by 2e-6 and the value by 2e-8
+        np.testing.assert_allclose(below[0], above[0], rtol=0, atol=3e-8)
+        np.testing.assert_allclose(below[1], above[1], rtol=0, atol=5e-6)
+
+
+def test_the_slope_is_the_derivative_of_the_lift():
+    p = polars(np.array([0.1, 0.45, 0.9]))
+    h = 1e-6
+    angles = np.deg2rad(np.arange(-14.7, 29.5, 1.0))  # 0.3 degrees from the knots, where the third derivative jumps
+    for a in angles:
+        difference = (p.lift(np.full(3, a + h))[0] - p.lift(np.full(3, a - h))[0]) / (2.0 * h)
+        # rounding 1e-16 / h = 1e-10; cubic term below 1e5 h^2 = 1e-7
+        np.testing.assert_allclose(p.lift(np.full(3, a))[1], difference, rtol=0, atol=1e-6)

@@ -1,0 +1,218 @@
+"""Residual and tangent of whole structures, with and without mirror symmetry."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import scenes
+from structural import Assembly, Loads, Structure, equilibrium, mirror_permutation, surface_forces
+from structural.chains import chain_forces
+
+from tests.structural.models import (
+    TANGENT_TOLERANCE,
+    central_difference,
+    chains,
+    clear_of_kinks,
+    dead,
+    random_mirrored,
+    residual_of,
+    structure,
+)
+
+
+def _states(rng, assembly, groups, scale, count):
+    """Random deformed unknowns whose elements all keep clear of the slack kink."""
+    q0 = assembly.unknowns.restrict(assembly.structure.nodes)
+    while count:
+        q = q0 + rng.normal(scale=scale, size=len(q0))
+        if clear_of_kinks(assembly.unknowns.expand(q), groups):
+            count -= 1
+            yield q
+
+
+def _kite():
+    """Structure of the V3 kite, its mirror permutation and loads of the size met in flight, mirror-symmetric."""
+    scene = scenes.load("v3_kite")
+    m, i = scene.members, scene.interface
+    s = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels)
+    rng = np.random.default_rng(1)
+    half = len(i.panels) // 4 + 1  # 9 strips: the middle one is its own image
+    p, t = rng.uniform(50, 300, (2, half)), rng.uniform(-20, 20, (2, half, 3))
+    t[:, -1, 1] = 0.0
+    pressure = np.concatenate([p, p[:, -2::-1]], axis=1).ravel()
+    shear = np.concatenate([t, t[:, -2::-1] * [1, -1, 1]], axis=1).reshape(-1, 3)
+    weight = m.mass[:, None] * np.array([0.0, 0.0, -9.81])
+    return s, mirror_permutation(m.nodes), Loads(pressure, shear, weight)
+
+
+def _kite_at_trim():
+    """The V3 kite turned to its trim angle under the air loads met there at 12 m/s: nine tenths as dead loads, so that
+    a frozen load leaves the kite an equilibrium, one tenth as pressure that follows it."""
+    s, mirror, loads = _kite()
+    scene = scenes.load("v3_kite")
+    c, w = (f(scene.trim_angle()) for f in (np.cos, np.sin))
+    start = s.nodes @ np.array([[c, 0.0, -w], [0.0, 1.0, 0.0], [w, 0.0, c]])
+    air = scene.aero_core()
+    air.set("displacement", s.surface @ start - scene.interface.nodes)
+    air.step(0.0, 0.0)
+    pressure, shear = air.get("pressure"), air.get("shear")
+    force = surface_forces((s.surface @ start)[s.panels], pressure, shear).reshape(-1, 3)
+    on_nodes = s.surface[s.panels.ravel()].T @ force
+    return s, mirror, start, Loads(0.1 * pressure, 0.1 * shear, loads.dead + 0.9 * on_nodes)
+
+
+@pytest.mark.parametrize("symmetric", [False, True], ids=["full", "half"])
+def test_tangent_of_random_structures_is_the_gradient_of_the_residual(symmetric):
+    rng = np.random.default_rng(20 + symmetric)
+    slack = taut = 0
+    for _ in range(25):
+        s, loads, mirror = random_mirrored(rng)
+        assembly = Assembly(s, mirror if symmetric else None)
+        r, prepared = residual_of(assembly, s.chains, loads)
+        for q in _states(rng, assembly, s.chains, 0.2, 4):
+            x = assembly.unknowns.expand(q)
+            pulls = np.concatenate([np.abs(chain_forces(x, c)).max(axis=(1, 2)) > 0 for c in s.chains])
+            slack, taut = slack + np.count_nonzero(~pulls), taut + np.count_nonzero(pulls)
+            residual, k, _ = assembly.residual_and_tangent(q, prepared)
+            assert residual == pytest.approx(r(q), abs=1e-10)  # the same sums in another order, forces of 1e3 N
+            slope = central_difference(r, q)
+            # panels that a random state has nearly folded have large third derivatives: each column is held to its own scale
+            assert np.abs(slope - k.toarray()).max() <= TANGENT_TOLERANCE * np.abs(slope).max()
+    assert min(slack, taut) > 300  # both kinds were met
+
+
+@pytest.mark.parametrize("symmetric", [False, True], ids=["full", "half"])
+def test_tangent_of_the_kite_is_the_gradient_of_the_residual(symmetric):
+    s, mirror, loads = _kite()
+    assembly = Assembly(s, mirror if symmetric else None)
+    r, prepared = residual_of(assembly, s.chains, loads)
+    rng = np.random.default_rng(symmetric)
+    for n, q in enumerate(_states(rng, assembly, s.chains, 0.1, 100)):
+        _, k, _ = assembly.residual_and_tangent(q, prepared)
+        scale = np.abs(k.data).max()
+        if n % 10 == 0:
+            assert np.abs(central_difference(r, q) - k.toarray()).max() <= TANGENT_TOLERANCE * scale
+        else:  # one random direction says as much about a wrong entry as all columns, at a hundredth of the time
+            d = rng.normal(size=(1, len(q)))
+            slope = central_difference(lambda t, d=d, q=q: r(q + t @ d), np.zeros(1)).ravel()
+            assert np.abs(slope - k @ d[0]).max() <= TANGENT_TOLERANCE * scale
+
+
+def test_half_model_is_the_full_model_restricted_to_mirror_symmetric_shapes():
+    rng = np.random.default_rng(3)
+    for case in range(20):
+        s, loads, mirror = (*_kite()[::2], _kite()[1]) if case == 0 else random_mirrored(rng)
+        full, half = Assembly(s), Assembly(s, mirror)
+        identity = np.eye(half.unknowns.count)
+        base = half.unknowns.expand(np.zeros(half.unknowns.count))
+        columns = [full.unknowns.restrict(half.unknowns.expand(e) - base) for e in identity]
+        t = np.array(columns).T
+        q = next(_states(rng, half, s.chains, 0.1, 1))
+        x = half.unknowns.expand(q)
+        assert np.abs(x[mirror] * [1, -1, 1] - x).max() <= 1e-15  # it is a copy
+        r_half, k_half, _ = half.residual_and_tangent(q, half.prepare(s.chains, loads))
+        r_full, k_full, _ = full.residual_and_tangent(full.unknowns.restrict(x), full.prepare(s.chains, loads))
+        assert r_half == pytest.approx(t.T @ r_full, abs=1e-12 * np.abs(r_full).max() * len(r_full))  # rounding of sums
+        reference = t.T @ k_full.toarray() @ t
+        assert np.abs(k_half.toarray() - reference).max() <= 1e-12 * np.abs(reference).max() * len(r_full) ** 0.5
+        # and the full residual of a symmetric shape under symmetric loads has no antisymmetric part
+        f = full.unknowns.expand(r_full) - full.unknowns.expand(np.zeros(len(r_full)))
+        free = full.unknowns.index.reshape(-1, 3) >= 0
+        f[~free] = 0.0
+        assert np.abs(f[mirror] * [1, -1, 1] - f).max() <= 1e-12 * np.abs(r_full).max() * len(r_full)
+
+
+def test_half_model_of_the_kite_has_the_solution_of_the_full_model():
+    s, mirror, start, loads = _kite_at_trim()
+    half = equilibrium(Assembly(s, mirror), s.chains, loads, start, atol=1e-9)
+    assert half.converged
+    full = Assembly(s)
+    r, _ = full.residual(full.unknowns.restrict(half.x), full.prepare(s.chains, loads))
+    # the unknowns of the half model collect the forces of both sides: its norm bounds sqrt(2) times the full one; the
+    # rest is rounding of forces of 1e3 N in 37 nodes
+    assert np.linalg.norm(r) <= 1e-9
+    wobble = 1e-3 * np.sin(np.arange(s.nodes.size)).reshape(-1, 3)
+    whole = equilibrium(full, s.chains, loads, half.x + wobble, atol=1e-9)
+    assert whole.converged
+    # the kite swings on its bridle like a pendulum with some 100 N/m; nodes of slack lines hang on less than 1 N/m
+    assert np.abs(whole.x - half.x).max() <= 1e-6
+
+
+def test_half_model_of_a_taut_net_finds_the_solution_of_the_full_model():
+    rng = np.random.default_rng(11)
+    right = rng.uniform([-1, 0.2, -1], [1, 2, 1], (8, 3))
+    nodes = np.concatenate([right, right * [1, -1, 1], [[-2.0, 0, 0], [2.0, 0, 0], [0, 0, 0.5]]])
+    mirror = np.concatenate([np.arange(8, 16), np.arange(8), [16, 17, 18]])
+    every = np.array([(i, j) for i in range(19) for j in range(i)])
+    net = chains(every, 0.0, 100.0, True)  # zero rest length: convex, one solution
+    fixed = np.zeros(19, bool)
+    fixed[[0, 8, 16]] = True
+    s = structure(nodes, fixed, [net])
+    force = rng.normal(scale=50.0, size=(19, 3))
+    loads = dead(force + force[mirror] * [1, -1, 1])
+    solutions = [equilibrium(Assembly(s, m), s.chains, loads, nodes, atol=1e-9) for m in (None, mirror)]
+    assert all(e.converged for e in solutions)
+    # every free node has stiffness of at least 100 N/m, so 1e-9 N is 1e-11 m
+    assert np.abs(solutions[0].x - solutions[1].x).max() <= 1e-10
+
+
+@pytest.mark.parametrize("symmetric", [False, True], ids=["full", "half"])
+def test_surface_loads_reach_the_nodes_with_their_force_moment_and_virtual_work(symmetric):
+    rng = np.random.default_rng(5)
+    s, loads, mirror = random_mirrored(rng)
+    s = Structure(s.nodes, np.zeros_like(s.fixed), (chains([0, 1], 1e3, 1.0),), s.surface, s.panels)  # slack, unsupported
+    assembly = Assembly(s, mirror if symmetric else None)
+    q = assembly.unknowns.restrict(s.nodes)
+    r, prepared = residual_of(assembly, s.chains, loads)
+    dq = rng.normal(size=len(q))
+    x = assembly.unknowns.expand(q)
+    dx = assembly.unknowns.expand(q + dq) - x
+    corners, d_corners = ((s.surface @ a)[s.panels] for a in (x, dx))
+    force = surface_forces(corners, loads.pressure, loads.shear)
+    size = np.abs(force).sum() * 10.0  # arms and displacements of some metres
+    assert -r(q) @ dq == pytest.approx(np.sum(force * d_corners), abs=1e-14 * size)  # rounding
+    if not symmetric:
+        on_nodes = -assembly.unknowns.expand(r(q))
+        assert on_nodes.sum(axis=0) == pytest.approx(force.sum(axis=(0, 1)), abs=1e-14 * size)
+        moment = np.cross(corners, force).sum(axis=(0, 1))
+        assert np.cross(x, on_nodes).sum(axis=0) == pytest.approx(moment, abs=1e-14 * size)
+
+
+def test_energy_gradient_is_the_internal_force():
+    rng = np.random.default_rng(6)
+    s, loads, _ = random_mirrored(rng)
+    assembly = Assembly(s)
+    unloaded = Loads(0.0 * loads.pressure, None, loads.dead)
+    r, _ = residual_of(assembly, s.chains, unloaded)
+    q = next(_states(rng, assembly, s.chains, 0.2, 1))
+    gradient = central_difference(lambda y: assembly.energy(assembly.unknowns.expand(y), s.chains), q)
+    assert gradient[0] == pytest.approx(r(q), abs=1e-6)  # energies of 1e3 J: eps E / h is 2e-7 N
+
+
+def test_structure_without_free_nodes_is_in_equilibrium_at_once():
+    nodes = np.array([[0.0, 0, 0], [1.0, 0, 0]])
+    s = structure(nodes, [True, True], [chains([0, 1], 0.5, 10.0)])
+    result = equilibrium(Assembly(s), s.chains, dead(np.ones((2, 3))), nodes)
+    assert result.converged
+    assert result.iterations == 0
+    assert np.array_equal(result.x, nodes)
+
+
+def test_coincident_nodes_are_mirrored_one_to_one():
+    rng = np.random.default_rng(7)
+    right = rng.uniform(0.1, 1, (5, 3))
+    points = np.concatenate([right, right, right * [1, -1, 1], right * [1, -1, 1], np.zeros((2, 3))])
+    order = rng.permutation(len(points))
+    points = points[order]
+    image = mirror_permutation(points)
+    assert np.array_equal(np.sort(image), np.arange(len(points)))
+    assert np.array_equal(image[image], np.arange(len(points)))
+    assert np.array_equal(points[image], points * [1, -1, 1])
+    assert mirror_permutation(points + [0, 0.1, 0]) is None
+
+
+def test_surface_that_is_not_mirror_symmetric_is_refused_for_the_half_model():
+    s, _, mirror = random_mirrored(np.random.default_rng(8))
+    lopsided = Structure(s.nodes, s.fixed, s.chains, sp.csr_array(s.surface[:5]), s.panels[:1])
+    with pytest.raises(ValueError, match="not mirror-symmetric"):
+        Assembly(lopsided, mirror)
