@@ -1,6 +1,6 @@
 # Each target makes .venv with the pinned versions when it is missing or out of date, then does its job.
 .DEFAULT_GOAL := help
-.PHONY: help install run test lint clean
+.PHONY: help install run test lint bench clean
 .DELETE_ON_ERROR:
 
 # The first Python that is new enough; make PYTHON=/path/to/python3.12 picks another.
@@ -35,6 +35,11 @@ lint: $(stamp) ## check style, format and types
 	$(venv)/bin/python -m ruff check
 	$(venv)/bin/python -m ruff format --check
 	$(venv)/bin/python -m mypy
+
+bench: $(stamp) ## tables of accuracy, convergence and run time; they go to results/bench
+	mkdir -p results/bench
+	$(venv)/bin/python benchmarks/v3_aero.py | tee results/bench/v3_aero.md
+	$(venv)/bin/python benchmarks/v3_coupled.py | tee results/bench/v3_coupled.md
 
 clean: ## remove .venv, results, caches and build artefacts
 	rm -rf $(venv) results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

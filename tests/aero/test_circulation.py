@@ -31,10 +31,10 @@ def random_states(count, strips, induction):
     wing = stalling_wing(strips)
     while count:
         nodes = arched_nodes(strips, 0.05, rng)
-        nu = rng.uniform(0.0, 1.0, strips) if rng.random() < 0.3 else None
+        nu = rng.uniform(0.0, 1.0, strips) if induction and rng.random() < 0.3 else None
         flow = flow_on(nodes, wind(rng.uniform(-0.3, 0.6)), wing, induction, nu)
         gamma = rng.uniform(-1.0, 2.0) * attached_start(flow) + rng.normal(0.0, 1.0, strips)
-        h = 1e-5 * np.abs(gamma).max()
+        h = 1e-6 * np.abs(gamma).max()
         here = pieces(flow, gamma)
         if all(np.array_equal(here, pieces(flow, gamma + s * h * e)) for e in np.eye(strips) for s in (1.0, -1.0)):
             count -= 1
@@ -48,13 +48,13 @@ def test_the_jacobian_is_the_derivative_of_the_imbalance_at_100_deformed_wings_s
         _, state = flow.imbalance(gamma)
         exact = flow.jacobian(state)
         differences = [(flow.imbalance(gamma + h * e)[0] - flow.imbalance(gamma - h * e)[0]) / (2 * h) for e in np.eye(9)]
-        # rounding 1e-16 gamma / h = 1e-11; cubic term below h^2 times third derivatives of order 1e2: 1e-8
+        # rounding 1e-16 gamma / h = 1e-10; the cubic term h^2 F''' / 6 is 2e-8 at most here (2e-6 with ten times the step)
         np.testing.assert_allclose(exact, np.array(differences).T, rtol=0, atol=1e-6 * np.abs(exact).max())
         stalled += np.any(state[6] < 0.0)
         beyond += np.any(state[7])
     if induction:  # the states are what the name says
-        assert stalled >= 50
-        assert beyond >= 20
+        assert stalled >= 40
+        assert beyond >= 15
 
 
 def test_strip_theory_sees_every_section_alone():
@@ -90,16 +90,16 @@ def test_a_converged_attached_solution_does_not_depend_on_the_start():
 
 
 def test_newton_converges_quadratically_on_an_attached_wing():
-    wing = stalling_wing(14)
-    flow = flow_on(arched_nodes(14), wind(0.04), wing)
-    gamma, norms = attached_start(flow), []
+    flow = flow_on(arched_nodes(14), wind(0.04), stalling_wing(14))
+    gamma, errors, solution = 0.0 * attached_start(flow), [], solve(flow, attached_start(flow)).gamma
     for _ in range(4):
+        errors.append(np.linalg.norm(gamma - solution))
         f, state = flow.imbalance(gamma)
-        norms.append(np.linalg.norm(f))
         gamma = gamma - np.linalg.solve(flow.jacobian(state), f)
-    orders = [np.log(norms[k + 2] / norms[k + 1]) / np.log(norms[k + 1] / norms[k]) for k in range(2) if norms[k + 2] > 1e-12]
-    assert orders
-    assert min(orders) > 1.7  # 2 in the limit
+    # e_(k+1) = C e_k^2 with a C that settles at about 0.01 s/m^2: from 20 m^2/s to rounding in three Newton iterations
+    ratios = [after / before**2 for before, after in zip(errors, errors[1:], strict=False) if after > 1e-10]
+    assert len(ratios) >= 2
+    assert max(ratios) < 0.05  # five times the value it settles at
 
 
 def test_the_attached_start_solves_a_wing_of_linear_polars_to_second_order_in_the_angle():
