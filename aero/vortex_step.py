@@ -128,8 +128,11 @@ class VortexStep:
         steady, couple, point, turning = two_panel_loads(force, moment, strips.span, fore, aft)
         follow = self.follow or self.section_force == "normal"
         pressure, shear = pressure_and_shear(np.concatenate(steady), np.concatenate(couple), panels, follow)
-        if self.section_force == "normal":
+        if self.section_force == "normal":  # what lies along warped panels is dropped: report what is sent
             shear = None
+            sent = pressure[:, None] * panels.area
+            arms = panels.centroid - np.concatenate([point, point])
+            force, turning = (v[:n] + v[n:] for v in (sent, np.cross(arms, sent)))
         return WingLoads(pressure, shear, force, point, turning, circulation, strips)
 
 

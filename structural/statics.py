@@ -12,7 +12,7 @@ from .structure import Loads
 # The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
 # nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
 SMALLEST_SHIFT = 1e-12
-# Stiffness that a dof without any gets in the shift, relative to the largest.
+# Stiffness that a dof without any gets in the shift, relative to that of the stiffest element.
 SOFTEST = 1e-6
 # Steps refused one after the other, and cuts of one step, before giving up.
 MOST_REJECTIONS, MOST_CUTS = 30, 12
@@ -71,12 +71,15 @@ def equilibrium(
     norm = float(np.linalg.norm(r))
     norms = [norm]
     atol = max(atol, rounding_force(chains))
+    stiffest = max(float(c.k.max(initial=0.0)) for c in chains)
     damping = 0.0 if norm < 1e3 * (atol + rtol * external) else 1.0
     status = "max_iterations"
     rejected = short = 0
     patience = SHORT_STEPS
     while norm > atol + rtol * external and len(norms) <= max_iterations:
-        (q, r, k, external), spent, better = _burst(assembly, prepared, (q, r, k, external), atol, rtol, step_limit)
+        (q, r, k, external), spent, better = _burst(
+            assembly, prepared, (q, r, k, external), atol, rtol, step_limit, stiffest
+        )
         norm = float(np.linalg.norm(r))
         norms.extend([norm] * spent)
         if not better:
@@ -90,7 +93,7 @@ def equilibrium(
             break
         if len(norms) > max_iterations:
             break
-        step = _step(k, r, norm, damping, external, assembly)
+        step = _step(k, r, norm, damping, external, assembly, stiffest)
         longest = float(np.abs(step).max())
         if longest > step_limit:
             step *= step_limit / longest
@@ -113,7 +116,9 @@ def equilibrium(
         norm = float(np.linalg.norm(r))
         norms.append(norm)
         if short >= patience:
-            (q, r, k, external), spent, better = _burst(assembly, prepared, (q, r, k, external), atol, rtol, step_limit)
+            (q, r, k, external), spent, better = _burst(
+                assembly, prepared, (q, r, k, external), atol, rtol, step_limit, stiffest
+            )
             norm = float(np.linalg.norm(r))
             norms.extend([norm] * spent)
             damping = 0.0 if better else damping
@@ -126,10 +131,10 @@ def rounding_force(chains):
     return 4.0 * np.finfo(float).eps * float(np.sqrt(sum(np.sum((c.k * c.l0) ** 2) for c in chains)))
 
 
-def _step(k, r, norm, damping, external, assembly):
+def _step(k, r, norm, damping, external, assembly, stiffest):
     """Newton step of the shifted tangent; the shift grows until the step goes downhill (-r.d > 0)."""
     diagonal = np.abs(k.data[assembly.diagonal])
-    scale = np.maximum(diagonal, SOFTEST * diagonal.max())
+    scale = np.maximum(diagonal, SOFTEST * max(diagonal.max(), stiffest))
     mu = max(damping * min(norm / max(external, 1e-30), 1.0), SMALLEST_SHIFT)
     while True:
         shifted = k.copy()
@@ -145,12 +150,12 @@ def _step(k, r, norm, damping, external, assembly):
         mu = max(10.0 * mu, 1e-6)
 
 
-def _burst(assembly, prepared, state, atol, rtol, step_limit):
+def _burst(assembly, prepared, state, atol, rtol, step_limit, stiffest):
     """State (q, r, K, ||f_ext||) after whole Newton steps, or the one given if they lead nowhere; steps; success."""
     q, r, k, external = state
     start = norm = float(np.linalg.norm(r))
     for count in range(1, BURST + 1):
-        step = _step(k, r, norm, 0.0, external, assembly)
+        step = _step(k, r, norm, 0.0, external, assembly, stiffest)
         longest = float(np.abs(step).max())
         q = q + step * min(1.0, step_limit / longest)
         r, k, external = assembly.residual_and_tangent(q, prepared)
