@@ -17,13 +17,14 @@ EXIT_CONVERGED, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT = 0, 1, 2
 @dataclass(frozen=True, eq=False)
 class Run:
     """A finished run: status, the coupled result, its stability (None: not asked for or not converged), the blocks of
-    both participants at the end, and remarks worth a line."""
+    both participants at the end, which of them are outputs, and remarks worth a line."""
 
     status: str
     message: str
     result: CoupledResult
     stability: Stability | None
     blocks: dict[str, dict[str, np.ndarray]]
+    outputs: dict[str, list[str]]
     remarks: list[str]
 
 
@@ -50,10 +51,11 @@ def coupled_run(
                 f"The equilibrium is statically unstable: the coupled map has the eigenvalue {judged.eigenvalue:.3f} "
                 "there, and from 1 on a small disturbance grows."
             )
-    blocks = {}
+    blocks, outputs = {}, {}
     for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
-        blocks[label] = {b: participant.get(b) for b, c in participant.causality.items() if c != "independent"}
-    return Run(status, message, result, judged, blocks, _remarks(blocks))
+        blocks[label] = {b: participant.get(b) for b in participant.blocks}
+        outputs[label] = [b for b, c in participant.causality.items() if c == "output"]
+    return Run(status, message, result, judged, blocks, outputs, _remarks(blocks))
 
 
 def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
@@ -74,15 +76,20 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
     return remarks
 
 
+def _small_outputs(run: Run) -> dict[str, Any]:
+    """Scalar and vector outputs by name; a name that both participants have carries the participant's in front."""
+    out = {}
+    for label, other in (("aero", "structural"), ("structural", "aero")):
+        for block in run.outputs[label]:
+            if run.blocks[label][block].size <= 3:
+                out[f"{label}.{block}" if block in run.outputs[other] else block] = run.blocks[label][block]
+    return out
+
+
 def summary(run: Run, settings: dict[str, Any]) -> dict[str, Any]:
     """The content of summary.json; `settings` is what the caller chose (scene, scheme, backend, parameters, ...)."""
     result = run.result
     seconds = result.seconds
-    outputs: dict[str, Any] = {}
-    for label in ("aero", "structural"):
-        for block, value in run.blocks[label].items():
-            if value.size <= 3 and block not in ("symmetric", "solver_tolerance"):
-                outputs.setdefault(block if block not in outputs else f"{label}.{block}", value)
     judged = run.stability
     return {
         "scene": settings["scene"],
@@ -110,6 +117,6 @@ def summary(run: Run, settings: dict[str, Any]) -> dict[str, Any]:
             "aero": seconds["aero"],
             "master": seconds["total"] - seconds["structural"] - seconds["aero"],
         },
-        "outputs": outputs,
+        "outputs": _small_outputs(run),
         "settings": settings,
     }

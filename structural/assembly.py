@@ -141,7 +141,7 @@ class Assembly:
         external = weight
         if len(self._corners):
             external = external + self._load_forces @ surface_forces(self.corners(x), pressure, shear).reshape(-1)
-        return internal - external, float(np.linalg.norm(external))
+        return internal - external, self.unknowns.norm(external)
 
     def residual_and_tangent(self, q, prepared):
         """Residual (q,) N and consistent tangent (q,q) N/m, chains, load stiffness and all."""
@@ -158,7 +158,7 @@ class Assembly:
             f, k = surface_forces_and_tangents(self.corners(x), pressure, shear)
             external = external + self._load_forces @ f.reshape(-1)
             data -= self._load_stiffness @ k.reshape(-1)
-        return internal - external, self.matrix(data), float(np.linalg.norm(external))
+        return internal - external, self.matrix(data), self.unknowns.norm(external)
 
     def matrix(self, data):
         """Sparse (q,q) matrix on the fixed pattern."""

@@ -64,66 +64,18 @@ def equilibrium(
     along it no longer grows. For tension-only members under dead loads that is a line search on a convex energy, and
     it needs no energy, so follower loads may take part. No step moves a node by more than `step_limit` m.
     """
-    u = assembly.unknowns
-    prepared = assembly.prepare(chains, loads)
-    q = u.restrict(x0)
-    r, k, external = assembly.residual_and_tangent(q, prepared)
-    norm = float(np.linalg.norm(r))
-    norms = [norm]
-    atol = max(atol, rounding_force(chains))
-    stiffest = max(float(c.k.max(initial=0.0)) for c in chains)
-    damping = 0.0 if norm < 1e3 * (atol + rtol * external) else 1.0
-    status = "max_iterations"
-    rejected = short = 0
-    patience = SHORT_STEPS
-    while norm > atol + rtol * external and len(norms) <= max_iterations:
-        (q, r, k, external), spent, better = _burst(
-            assembly, prepared, (q, r, k, external), atol, rtol, step_limit, stiffest
-        )
-        norm = float(np.linalg.norm(r))
-        norms.extend([norm] * spent)
-        if not better:
-            break
-    for _ in range(max_iterations + 1):
-        if norm <= atol + rtol * external:
-            status = "converged"
-            break
-        if not np.isfinite(norm):
-            status = "not_finite"
-            break
-        if len(norms) > max_iterations:
-            break
-        step = _step(k, r, norm, damping, external, assembly, stiffest)
-        longest = float(np.abs(step).max())
-        if longest > step_limit:
-            step *= step_limit / longest
-        s, trial = _along(assembly, prepared, q, r, step)
-        if trial is None:
-            damping = max(10.0 * damping, 1e-3)
-            rejected += 1
-            if rejected > MOST_REJECTIONS:
-                status = "stalled"
-                break
-            continue
-        rejected = 0
+    solve = _Solve(assembly, chains, loads, x0, max(atol, rounding_force(chains)), rtol, max_iterations, step_limit)
+    while not solve.finished() and solve.burst():
+        pass
+    short, patience = 0, SHORT_STEPS
+    while not solve.finished():
+        s = solve.guarded_step()
         short = short + 1 if s < 0.3 else 0
-        if s == 1.0:
-            damping = 0.2 * damping if damping > 1e-8 else 0.0
-        elif s < 0.3:
-            damping = max(4.0 * damping, 1e-4)
-        q = q + s * step
-        r, k, external = trial
-        norm = float(np.linalg.norm(r))
-        norms.append(norm)
-        if short >= patience:
-            (q, r, k, external), spent, better = _burst(
-                assembly, prepared, (q, r, k, external), atol, rtol, step_limit, stiffest
-            )
-            norm = float(np.linalg.norm(r))
-            norms.extend([norm] * spent)
-            damping = 0.0 if better else damping
+        if short >= patience and not solve.finished():
+            better = solve.burst()
             short, patience = 0, SHORT_STEPS if better else 2 * patience
-    return Equilibrium(u.expand(q), status, len(norms) - 1, tuple(norms))
+    x = assembly.unknowns.expand(solve.q)
+    return Equilibrium(x, solve.status, len(solve.norms) - 1, tuple(solve.norms))
 
 
 def rounding_force(chains):
@@ -131,58 +83,108 @@ def rounding_force(chains):
     return 4.0 * np.finfo(float).eps * float(np.sqrt(sum(np.sum((c.k * c.l0) ** 2) for c in chains)))
 
 
-def _step(k, r, norm, damping, external, assembly, stiffest):
-    """Newton step of the shifted tangent; the shift grows until the step goes downhill (-r.d > 0)."""
-    diagonal = np.abs(k.data[assembly.diagonal])
-    scale = np.maximum(diagonal, SOFTEST * max(diagonal.max(), stiffest))
-    mu = max(damping * min(norm / max(external, 1e-30), 1.0), SMALLEST_SHIFT)
-    while True:
-        shifted = k.copy()
-        shifted.data[assembly.diagonal] += mu * scale
-        try:
-            step = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-r)
-        except RuntimeError:  # exactly singular
-            step = np.full_like(r, np.nan)
-        if np.all(np.isfinite(step)) and float(step @ r) < 0.0:
-            return step
-        if mu > 1e6:
-            return -r / scale
-        mu = max(10.0 * mu, 1e-6)
+class _Solve:
+    """State of one static solve: unknowns q, residual r, tangent k, norms met, shift, and why it ended."""
 
+    def __init__(self, assembly, chains, loads, x0, atol, rtol, max_iterations, step_limit):
+        self.assembly, self.prepared = assembly, assembly.prepare(chains, loads)
+        self.atol, self.rtol = atol, rtol
+        self.max_iterations, self.step_limit = max_iterations, step_limit
+        self.softest = SOFTEST * max(float(c.k.max(initial=0.0)) for c in chains)
+        self.damping, self.rejected, self.status = 1.0, 0, "max_iterations"
+        self.norms = []
+        q = assembly.unknowns.restrict(x0)
+        self._accept(q, assembly.residual_and_tangent(q, self.prepared))
 
-def _burst(assembly, prepared, state, atol, rtol, step_limit, stiffest):
-    """State (q, r, K, ||f_ext||) after whole Newton steps, or the one given if they lead nowhere; steps; success."""
-    q, r, k, external = state
-    start = norm = float(np.linalg.norm(r))
-    for count in range(1, BURST + 1):
-        step = _step(k, r, norm, 0.0, external, assembly, stiffest)
-        longest = float(np.abs(step).max())
-        q = q + step * min(1.0, step_limit / longest)
-        r, k, external = assembly.residual_and_tangent(q, prepared)
-        norm = float(np.linalg.norm(r))
-        if not np.isfinite(norm):
-            return state, count, False
-        if norm <= max(atol + rtol * external, 0.1 * start):
-            return (q, r, k, external), count, True
-    return (state, BURST, False) if norm >= start else ((q, r, k, external), BURST, True)
+    def _accept(self, q, evaluated):
+        self.q = q
+        self.r, self.k, self.external = evaluated
+        self.norm = self.assembly.unknowns.norm(self.r)
+        self.norms.append(self.norm)
 
-
-def _along(assembly, prepared, q, r, step):
-    """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.
-
-    The full step is tried with its tangent, because it is nearly always taken; None if no fraction will do.
-    """
-    slope, norm = float(r @ step), float(np.linalg.norm(r))
-    s = 1.0
-    for _ in range(MOST_CUTS):
-        trial = assembly.residual_and_tangent(q + s * step, prepared)
-        r_new = trial[0]
-        slope_new = float(r_new @ step)
-        if np.isfinite(slope_new):
-            downhill = slope_new < 0.0  # the minimum along the step lies still ahead
-            if downhill or abs(slope_new) <= 0.9 * abs(slope) or np.linalg.norm(r_new) < 0.5 * norm:
-                return s, trial
-            s *= min(max(slope / (slope - slope_new), 0.1), 0.7)  # secant to r.d = 0
+    def finished(self):
+        """Whether the solve has ended; `status` says how."""
+        if self.norm <= self.atol + self.rtol * self.external:
+            self.status = "converged"
+        elif not np.isfinite(self.norm):
+            self.status = "not_finite"
+        elif self.rejected > MOST_REJECTIONS:
+            self.status = "stalled"
         else:
-            s *= 0.1
-    return s, None
+            return len(self.norms) > self.max_iterations
+        return True
+
+    def burst(self):
+        """Whole Newton steps, BURST at most; if they do not lower the residual, back to where they began and False."""
+        before = self.q, (self.r, self.k, self.external)
+        start = self.norm
+        for _ in range(BURST):
+            step = self._step(SMALLEST_SHIFT)
+            q = self.q + step
+            self._accept(q, self.assembly.residual_and_tangent(q, self.prepared))
+            if not np.isfinite(self.norm) or self.norm <= 0.1 * start or self.finished():
+                break
+        if self.norm < start:
+            self.damping = 0.0
+            return True
+        self.status = "max_iterations"
+        self._accept(*before)
+        return False
+
+    def guarded_step(self):
+        """One shifted step, shortened as far as needed; the fraction taken, 0 where none would do."""
+        relative = min(self.norm / max(self.external, 1e-30), 1.0)
+        step = self._step(max(self.damping * relative, SMALLEST_SHIFT))
+        s, trial = self._along(step)
+        if trial is None:
+            self.damping = max(10.0 * self.damping, 1e-3)
+            self.rejected += 1
+            return 0.0
+        self.rejected = 0
+        if s == 1.0:
+            self.damping = 0.2 * self.damping if self.damping > 1e-8 else 0.0
+        elif s < 0.3:
+            self.damping = max(4.0 * self.damping, 1e-4)
+        self._accept(self.q + s * step, trial)
+        return s
+
+    def _step(self, mu):
+        """Step of the shifted tangent within the step limit; the shift grows until it goes downhill (-r.d > 0)."""
+        at = self.assembly.diagonal
+        diagonal = np.abs(self.k.data[at])
+        scale = np.maximum(diagonal, max(self.softest, SOFTEST * diagonal.max()))
+        while True:
+            shifted = self.k.copy()
+            shifted.data[at] += mu * scale
+            try:
+                factors = spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+                step = factors.solve(-self.r)
+            except RuntimeError:  # exactly singular
+                step = np.full_like(self.r, np.nan)
+            if np.all(np.isfinite(step)) and float(step @ self.r) < 0.0:
+                break
+            if mu > 1e6:
+                step = -self.r / scale
+                break
+            mu = max(10.0 * mu, 1e-6)
+        return step * min(1.0, self.step_limit / float(np.abs(step).max()))
+
+    def _along(self, step):
+        """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.
+
+        The full step is tried with its tangent, because it is nearly always taken; None if no fraction will do.
+        """
+        slope = float(self.r @ step)
+        s = 1.0
+        for _ in range(MOST_CUTS):
+            trial = self.assembly.residual_and_tangent(self.q + s * step, self.prepared)
+            slope_new = float(trial[0] @ step)
+            if np.isfinite(slope_new):
+                downhill = slope_new < 0.0  # the minimum along the step lies still ahead
+                halved = self.assembly.unknowns.norm(trial[0]) < 0.5 * self.norm
+                if downhill or abs(slope_new) <= 0.9 * abs(slope) or halved:
+                    return s, trial
+                s *= min(max(slope / (slope - slope_new), 0.1), 0.7)  # secant to r.d = 0
+            else:
+                s *= 0.1
+        return s, None

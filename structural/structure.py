@@ -61,6 +61,7 @@ class Unknowns:
     sign: np.ndarray  # (3n,) +-1
     base: np.ndarray  # (3n,) m, known positions
     first: np.ndarray  # (q,) the dof that stands for each unknown
+    shares: np.ndarray  # (q,) how many dofs each unknown moves: 2 with a mirror image, else 1
 
     @property
     def count(self):
@@ -77,6 +78,13 @@ class Unknowns:
     def restrict(self, x):
         """Unknowns (q,) of node positions (n,3)."""
         return x.reshape(-1)[self.first]
+
+    def norm(self, r):
+        """Euclidean norm over the free dofs of the whole structure of forces whose generalised values are r (q,).
+
+        A dof and its mirror image share r equally, so that the pair adds r^2 / 2.
+        """
+        return float(np.sqrt(np.sum(r * r / self.shares)))
 
     def gather(self, f):
         """Generalised forces (q,) of nodal forces (n,3)."""
@@ -110,7 +118,8 @@ def unknowns(nodes, fixed, mirror=None):
         base[mirror == np.arange(n), 1] = np.where(
             fixed[mirror == np.arange(n), 1], base[mirror == np.arange(n), 1], 0.0
         )
-    return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first)
+    shares = np.bincount(index[index >= 0].reshape(-1), minlength=len(first))
+    return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first, shares)
 
 
 def unique_half(groups, mirror):
