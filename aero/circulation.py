@@ -1,6 +1,6 @@
 """The circulation of every strip such that bound-vortex lift and section polar agree."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,8 +13,11 @@ MAX_PSEUDO_TIME = 60
 TOLERANCE = 1e-12
 # What still counts as converged when rounding stops Newton early.
 ACCEPTED = 1e-9
-# Artificial viscosity, in units of the largest loss of lift slope over 2 pi, tried in turn beyond stall.
-VISCOSITIES = (0.25, 0.5, 1.0, 2.0, 4.0)
+# Artificial viscosity, tried in turn beyond stall, in units of (steepest loss of lift slope / 2 pi) (chord / strip
+# width): what a sawtooth of circulation gains from its own trailing legs grows as chord / width.
+VISCOSITIES = (0.2, 1.0, 4.0)
+# Pseudo-time steps in a row without a smaller imbalance that end an attempt: without and with viscosity.
+STALLED, STALLED_VISCOUS = 8, 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +44,9 @@ class SectionFlow:
 
     F_i = gamma_i - c_i U_i cl_i(alpha_i) / 2 with V_i = V_inf + sum_j A_ij gamma_j, U_i the speed across the bound
     vortex and alpha_i = atan2(V_i.n_i, V_i.t_i). `influence` (3, n, n) 1/m, None is strip theory; `free_stream` (3,)
-    m/s. With `viscosity` (n,) the term -viscosity_i (second difference of gamma)_i is added.
+    m/s. With `viscosity` (n,) the term -viscosity_i (second difference of gamma)_i is added. With `far_speed` W (n,)
+    m/s, the free-stream speed across each bound vortex, U_i is replaced by U_i^2 / W_i: circulation from the lift of
+    the section and the far speed.
     """
 
     influence: np.ndarray | None
@@ -49,6 +54,7 @@ class SectionFlow:
     strips: Strips
     polars: StripPolars
     viscosity: np.ndarray | None = None
+    far_speed: np.ndarray | None = None
 
     def imbalance(self, gamma):
         """F (n,), and the state that the Jacobian and the result need."""
@@ -62,7 +68,8 @@ class SectionFlow:
         vt = np.einsum("ik,ik->i", v, g.tangent)
         alpha = np.arctan2(vn, vt)
         cl, slope, outside = self.polars.lift(alpha)
-        f = gamma - 0.5 * g.chord * speed * cl
+        effective = speed if self.far_speed is None else speed**2 / self.far_speed
+        f = gamma - 0.5 * g.chord * effective * cl
         if self.viscosity is not None:
             f = f + self.viscosity * _second_difference(gamma)
         return f, (across, vn, vt, speed, alpha, cl, slope, outside)
@@ -72,14 +79,16 @@ class SectionFlow:
         across, vn, vt, speed, _, cl, slope, _ = state
         g = self.strips
         j = np.eye(len(speed))
+        if self.viscosity is not None:
+            j += self.viscosity[:, None] * _second_difference(np.eye(len(speed)))
         if self.influence is None:
             return j
         turn = (vt[:, None] * g.normal - vn[:, None] * g.tangent) / (vn * vn + vt * vt)[:, None]
         weight = 0.5 * g.chord[:, None] * ((cl / speed)[:, None] * across + (speed * slope)[:, None] * turn)
+        if self.far_speed is not None:  # d(U^2 cl) = U d(U cl) + U cl dU
+            weight = (weight + 0.5 * (g.chord * cl / speed)[:, None] * across) * (speed / self.far_speed)[:, None]
         for k in range(3):
             j -= weight[:, k, None] * self.influence[k]
-        if self.viscosity is not None:
-            j += self.viscosity[:, None] * _second_difference(np.eye(len(speed)))
         return j
 
 
@@ -101,14 +110,14 @@ def solve(flow, start):
     gamma, count = _newton(flow, start, scale)
     used = 0.0
     if _relative(flow, gamma, scale) > ACCEPTED:
-        gamma, more = _pseudo_time(flow, start, scale)
+        gamma, more = _pseudo_time(flow, start, scale, STALLED)
         count += more
     if _relative(flow, gamma, scale) > ACCEPTED:
-        fall = np.maximum(-flow.imbalance(gamma)[1][6], 0.0).max() / (2.0 * np.pi)
+        strips = flow.strips
+        unit = flow.polars.steepest_fall() / (2.0 * np.pi) * strips.chord / strips.width
         for used in VISCOSITIES:
-            nu = np.full(len(gamma), used * max(fall, 0.1))
-            flow = SectionFlow(flow.influence, flow.free_stream, flow.strips, flow.polars, nu)
-            gamma, more = _pseudo_time(flow, start, scale)
+            flow = replace(flow, viscosity=used * unit)
+            gamma, more = _pseudo_time(flow, start, scale, STALLED_VISCOUS)
             count += more
             if _relative(flow, gamma, scale) <= ACCEPTED:
                 break
@@ -142,12 +151,14 @@ def _newton(flow, gamma, scale):
     return gamma, MAX_NEWTON
 
 
-def _pseudo_time(flow, gamma, scale):
-    """Implicit Euler steps of dgamma/dt = -F whose length grows as F falls (Mulder and van Leer 1985)."""
+def _pseudo_time(flow, gamma, scale, patience):
+    """Implicit Euler steps of dgamma/dt = -F whose length grows as F falls (Mulder and van Leer 1985).
+
+    Ends when `patience` steps in a row have brought no smaller F.
+    """
     f, state = flow.imbalance(gamma)
-    best, first = gamma, np.linalg.norm(f)
-    smallest, dt = first, 1.0
-    norm = first
+    best, norm = gamma, np.linalg.norm(f)
+    smallest, dt, waited = norm, 1.0, 0
     for count in range(MAX_PSEUDO_TIME):
         if norm <= TOLERANCE * scale:
             return gamma, count
@@ -158,8 +169,11 @@ def _pseudo_time(flow, gamma, scale):
         new = np.linalg.norm(f)
         dt = min(max(dt * min(max(norm / new, 0.3), 3.0) if new > 0 else dt, 0.3), 1e8)
         norm = new
+        waited += 1
         if new < smallest:
-            best, smallest = gamma, new
+            best, smallest, waited = gamma, new, 0
+        if waited == patience:
+            return best, count + 1
     return best, MAX_PSEUDO_TIME
 
 

@@ -21,6 +21,15 @@ def trailing_influence(points, strips, wake_direction, core_fraction=CORE_FRACTI
     return leg[:, :, 1:] - leg[:, :, :-1]
 
 
+def bound_influence(points, strips, wake_direction, core_fraction=CORE_FRACTION):
+    """Velocity at `points` (p,3) on the bound vortices of each strip's unit circulation, (3, p, n) 1/m.
+
+    A strip's own straight bound vortex adds nothing on its own line.
+    """
+    a = segment_velocity(points, strips.bound[:-1], strips.bound[1:], core_fraction * strips.width)
+    return a + trailing_influence(points, strips, wake_direction, core_fraction)
+
+
 def control_influence(strips, wake_direction, rows=slice(None), core_fraction=CORE_FRACTION):
     """Velocity at the control points `rows` of each strip's unit circulation, (3, p, n) 1/m, less its two-dimensional
     part.
@@ -30,8 +39,7 @@ def control_influence(strips, wake_direction, rows=slice(None), core_fraction=CO
     """
     points = strips.control[rows]
     core = core_fraction * strips.width
-    a = segment_velocity(points, strips.bound[:-1], strips.bound[1:], core)
-    a += trailing_influence(points, strips, wake_direction, core_fraction)
+    a = bound_influence(points, strips, wake_direction, core_fraction)
     own = np.arange(len(strips.width))[rows]
     a[:, np.arange(len(own)), own] -= infinite_velocity(points, strips.centre[rows], strips.span[rows], core[rows])
     return a

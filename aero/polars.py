@@ -38,6 +38,18 @@ class StripPolars:
         """Polars of the chosen `strips` (a slice) only."""
         return StripPolars(self.alpha, self.coefficients[:, strips])
 
+    def mirrored(self):
+        """Whether strip i has the polars of strip n - 1 - i, so that half a wing gives the whole answer.
+
+        To 1e-6 in cl, cd and cm at the table points: what rounding of the section positions makes of a symmetric wing.
+        """
+        values = self.coefficients[..., 3]
+        return bool(np.abs(values - values[:, ::-1]).max() <= 1e-6)
+
+    def steepest_fall(self):
+        """The largest loss of lift with angle at any table point, over all strips, per rad (0 where none falls)."""
+        return max(0.0, -float(self.coefficients[0, :, :, 2].min()))
+
     def _piece(self, alpha):
         inside = np.clip(alpha, self.alpha[0], self.alpha[-1])
         k = np.clip(np.searchsorted(self.alpha, inside, side="right") - 1, 0, len(self.alpha) - 2)

@@ -13,9 +13,9 @@ import numpy as np
 
 import scenes
 from fmus.builder import build
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation
+from master.acceleration import Aitken, ConstantRelaxation
 from master.coupling import SCHEMES, Coupling, solve
-from master.participants import FmuParticipant, InProcessParticipant
+from master.participants import FmuParticipant
 from master.run import coupled_run
 from master.spectrum import critical_relaxation, dominant_eigenvalue
 
@@ -27,11 +27,7 @@ def in_process(settings=None, **parameters):
     """The V3 kite as a coupled pair of solver cores at its trim start."""
     scene = scenes.load("v3_kite", settings)
     given = {**parameters, "trim_angle": scene.trim_angle(parameters)}
-    pair = []
-    for core in (scene.structural_core(), scene.aero_core()):
-        names = {v.name for v in core.variables}
-        pair.append(InProcessParticipant(core, {k: v for k, v in given.items() if k in names}))
-    return Coupling(*pair)
+    return Coupling.in_process(scene, given)
 
 
 @contextlib.contextmanager
@@ -48,7 +44,7 @@ def factor_of_speed(speed):
     """Dominant eigenvalue of G' at the symmetric equilibrium, and the critical relaxation factor 2 / (1 - lambda)."""
     coupling = in_process(wind_speed=speed)
     start = coupling.structural.get("displacement")
-    x = solve(coupling, IQNILS(omega0=0.5), atol=1e-8).displacement
+    x = solve(coupling, SCHEMES["iqn-ils"](), atol=1e-8).displacement
     coupling.set_tolerance(1e-8)
     found = dominant_eigenvalue(coupling, x, step=1e-4, start=np.sign(x - start) * np.sqrt(np.abs(x - start)))
     return found.value, critical_relaxation(found.value), found.settled

@@ -22,7 +22,7 @@ from fmus.aero_fmu import AeroFmu
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
-SCENE_DATA = ("*.toml", "*.csv", "SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
+NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder beside the files that it is made of
 BINARIES = Path("resources", "binaries")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 
@@ -79,7 +79,8 @@ def _numbers(name: str, value: Any) -> Any:
 
 def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, parameters: Mapping[str, Any]) -> bytes:
     folder = Path(scene.folder).resolve()
-    data = {path for pattern in SCENE_DATA for path in folder.rglob(pattern) if path.is_file()}
+    notices = {path.name for pattern in NOTICES for path in folder.glob(pattern)}
+    data = {folder / file for file in {*scene.files, *notices}}
     resources = {f"scene/{folder.name}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in data}
     content = {"folder": f"scene/{folder.name}", "settings": scene.settings, "parameters": parameters}
     text = json.dumps(content, indent=1, sort_keys=True, default=lambda value: value.tolist())

@@ -1,4 +1,4 @@
-"""Command line: `kitecosim run|build|scenes`. The only place of the master that reaches scenes and FMU builder."""
+"""Command line: `kitecosim run|build|scenes`. What the commands do is in commands.py."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -37,7 +37,7 @@ def run(
     ] = None,
     tolerance: Annotated[
         float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
-    ] = 1e-6,
+    ] = 1e-5,
     force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
     max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
     stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
@@ -97,6 +97,9 @@ def _finish(command: Any) -> None:
     except (ValueError, OSError) as error:
         typer.echo(f"kitecosim: {error}", err=True)
         raise typer.Exit(2) from None
+    except RuntimeError as error:  # an FMU that ended with fmi2Fatal
+        typer.echo(f"kitecosim: {error}", err=True)
+        raise typer.Exit(1) from None
     if code:
         raise typer.Exit(code)
 

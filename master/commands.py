@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from master.coupling import SCHEMES, Coupling
-from master.participants import FmuParticipant, InProcessParticipant, Participant
-from master.report import versions, write_history, write_json, write_state
-from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, Run, coupled_run, summary
+from master.participants import FmuParticipant
+from master.report import print_table, versions, write_history, write_json, write_state
+from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, coupled_run, summary
 
 BACKENDS = ("fmu", "in-process")
 
@@ -22,9 +22,13 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     begin = time.perf_counter()
     scene, parameters, trim = _prepared(name, assigned)
     out = out or Path("results") / scene.name
+    if (out / "scene.toml").exists():
+        raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
     out.mkdir(parents=True, exist_ok=True)
+    (out / "summary.json").unlink(missing_ok=True)  # so that what stands there is never of an earlier run
     given = {**parameters, **({} if trim is None else {"trim_angle": trim})}
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
+    options["tie_tolerance"] = "solver_tolerance" not in parameters
     with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
         ready = time.perf_counter()
         run = coupled_run(coupling, _scheme(choices), choices["stability"], progress, **options)
@@ -44,7 +48,7 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = ready - begin
     core = scene.structural_core()
-    blocks = {**run.blocks["aero"], **run.blocks["structural"]}
+    blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     write_history(out / "history.csv", run.result.history)
     write_state(out, blocks, {"position": core.node_names, "tension": core.element_names}, scene.interface.nodes)
     write_json(out / "summary.json", content)
@@ -159,15 +163,10 @@ def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> It
             from fmus.builder import build
 
             paths = build(scene, out / "fmus", parameters)
-            pair: list[Participant] = [stack.enter_context(FmuParticipant(path)) for path in paths]
+            structural, aero = (stack.enter_context(FmuParticipant(path)) for path in paths)
+            yield Coupling(structural, aero)
         else:
-            pair = []
-            for core in (scene.structural_core(), scene.aero_core()):
-                names = {v.name for v in core.variables}
-                own = {k: v for k, v in parameters.items() if k in names}
-                pair.append(InProcessParticipant(core, own))
-        structural, aero = pair
-        yield Coupling(structural, aero)
+            yield Coupling.in_process(scene, parameters)
 
 
 @contextlib.contextmanager
@@ -182,67 +181,3 @@ def _progress(tolerance: float) -> Iterator[Any]:
 
     with Console(stderr=True).status("coupling ...") as status:
         yield lambda k, r: status.update(f"coupling iteration {k}: residual {r:.3e} m (tolerance {tolerance:.0e} m)")
-
-
-def print_table(scene: Any, run: Run, content: dict[str, Any], core: Any, out: Path) -> None:
-    """The result of a run as a table on standard output."""
-    from rich.console import Console
-    from rich.table import Table
-
-    aero, structural, result = run.blocks["aero"], run.blocks["structural"], run.result
-    table = Table(title=f"{scene.content['title']}: {run.status}", show_header=False, title_justify="left")
-    rows = [
-        ("scheme, backend", f"{content['scheme']}, {content['backend']}"),
-        ("coupling iterations", f"{result.iterations}"),
-        ("interface residual", f"{result.residual:.2e} m"),
-        ("out-of-balance force", f"{result.residual_N:.2e} N"),
-        ("statically stable", _stability_text(run)),
-        ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
-        ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} (area "
-                     f"{scene.content['aero']['reference_area']:g} m2)"),
-        ("angle of attack", f"{np.rad2deg(float(aero['alpha_mid'])):.3f} deg (mid-span chord to the wind)"),
-        ("tip span", f"{float(aero['tip_span']):.4f} m"),
-        ("aerodynamic force", _vector(aero["force"]) + " N"),
-        ("force on supports", f"{_vector(structural['support_force'])} N, "
-                              f"{np.linalg.norm(structural['support_force']):.2f} N in all"),
-    ]  # fmt: skip
-    tension = structural["tension"]
-    lines = [i for c in scene.members.chains for i in c.names]
-    one_way = np.concatenate([~c.two_way for c in scene.members.chains])
-    if one_way.any():
-        most = np.flatnonzero(one_way)[np.argmax(tension[one_way])]
-        rows.append(("largest line tension", f"{tension[most]:.1f} N in {lines[most]}"))
-        slack = [lines[i] for i in np.flatnonzero(one_way & (tension <= 0.0))]
-        rows.append(("slack lines", ", ".join(slack) or "none"))
-    wall = content["wall_time_s"]
-    rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
-    for row in rows:
-        table.add_row(*row)
-    console = Console(highlight=False, width=None if _wide() else 110)
-    console.print(table)
-    for remark in run.remarks:
-        console.print(f"note: {remark}")
-    if run.status != "converged":
-        console.print(f"{run.status}: {run.message}", soft_wrap=True)
-    console.print(
-        f"written: {out}/summary.json, history.csv, nodes.csv, elements.csv, interface.csv, panels.csv", soft_wrap=True
-    )
-
-
-def _wide() -> bool:
-    import sys
-
-    return sys.stdout.isatty()
-
-
-def _vector(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{v + 0.0:.2f}" for v in values) + ")"
-
-
-def _stability_text(run: Run) -> str:
-    judged = run.stability
-    if judged is None:
-        return "not judged"
-    answer = {True: "yes", False: "no", None: "undecided"}[judged.statically_stable]
-    scope = ", symmetric motions only" if judged.symmetric_only else ""
-    return f"{answer} (rightmost eigenvalue of the coupled map {judged.eigenvalue:.3f}{scope})"

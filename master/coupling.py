@@ -1,28 +1,29 @@
 """Two participants and one coupling loop: displacement to the flow, loads to the structure, until they agree."""
 
+import contextlib
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from master.acceleration import IQNILS, Aitken, ConstantRelaxation, Scheme
-from master.fixed_point import FixedPointResult, fixed_point
-from master.participants import Participant, StepFailed
+from master.fixed_point import fixed_point
+from master.participants import InProcessParticipant, Participant, StepFailed
 
 SCHEMES: dict[str, Callable[[], Scheme]] = {
     "explicit": lambda: ConstantRelaxation(1.0),
     "relaxation": lambda: ConstantRelaxation(0.25),
     "aitken": lambda: Aitken(0.5),
-    "iqn-ils": lambda: IQNILS(omega0=0.5),
+    "iqn-ils": lambda: IQNILS(omega0=0.6),
 }
 # Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
 # solves than 1e-4 N turn quasi-Newton columns into noise, and below 1e-8 N rounding of the forces takes over.
 LOOSEST, TIGHTEST, PER_METRE = 1e-4, 1e-8, 1e-2
 
 
-class _CoupledStepFailed(ArithmeticError):
+class CoupledStepFailed(ArithmeticError):
     """A participant refused its step; the loop ends as diverged and keeps its history."""
 
 
@@ -61,20 +62,36 @@ class Coupling:
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Displacement (n,3) m of the structure under the loads on the wing displaced by x (n,3) m."""
         self.evaluations += 1
-        try:
-            start = time.perf_counter()
+        with self._timed("aero"):
             self.aero.set("displacement", x)
             self.aero.step(self.time, self.dt)
-            middle = time.perf_counter()
-            self.seconds["aero"] += middle - start
+        with self._timed("structural"):
             for block in self._loads:
                 self.structural.set(block, self.aero.get(block))
             self.structural.step(self.time, self.dt)
-            self.seconds["structural"] += time.perf_counter() - middle
-        except StepFailed as error:
-            raise _CoupledStepFailed(str(error)) from error
         self.time += self.dt
         return self.structural.get("displacement")
+
+    @contextlib.contextmanager
+    def _timed(self, label: str) -> Iterator[None]:
+        """Book the time of a solver's share; a step that it refuses ends the coupled evaluation."""
+        start = time.perf_counter()
+        try:
+            yield
+        except StepFailed as error:
+            raise CoupledStepFailed(f"the {label} solver refused a step: {str(error).rstrip('.')}") from error
+        finally:
+            self.seconds[label] += time.perf_counter() - start
+
+    @classmethod
+    def in_process(cls, scene: Any, parameters: Mapping[str, Any] | None = None) -> "Coupling":
+        """The two solver cores of a scene (see `scenes.load`), each with those of the `parameters` that it has."""
+        given = parameters or {}
+
+        def participant(core: Any) -> InProcessParticipant:
+            return InProcessParticipant(core, {v.name: given[v.name] for v in core.variables if v.name in given})
+
+        return cls(participant(scene.structural_core()), participant(scene.aero_core()))
 
     def set_tolerance(self, newtons: float) -> None:
         """Give the structure the tolerance that the coupling loop needs now, where it has one."""
@@ -106,7 +123,7 @@ class Coupling:
 
 @dataclass(frozen=True, eq=False)
 class CoupledResult:
-    """A coupled solution: the last `fixed_point` result, the history of all evaluations, and the true residual.
+    """A coupled solution: how it ended, the history of all evaluations, and the true residual.
 
     `displacement` (n,3) m is the reported shape, `residual_N` the out-of-balance force there with the flow evaluated
     again; `history` has a row per coupling iteration; `seconds` total and of each participant.
@@ -120,14 +137,12 @@ class CoupledResult:
     residual_N: float
     history: list[dict[str, float]]
     seconds: dict[str, float]
-    first_residual: float
-    fixed_point: FixedPointResult = field(repr=False)
 
 
 def solve(
     coupling: Coupling,
     scheme: Scheme,
-    atol: float = 1e-6,
+    atol: float = 1e-5,
     force_tolerance: float = 0.01,
     max_iterations: int = 200,
     progress: Callable[[int, float], Any] | None = None,
@@ -153,38 +168,37 @@ def solve(
             progress(len(history), norm)
 
     x = coupling.structural.get("displacement")
-    left, residual_N = max_iterations, float("nan")
+    residual_N = float("nan")
     if tie_tolerance:
         coupling.set_tolerance(LOOSEST)
     while True:
+        left = max_iterations - len(history)
         result = fixed_point(coupling, x, scheme, atol=atol, max_iterations=left, callback=record)
-        left -= result.iterations
-        if not result.converged:
+        status, message = result.status, result.message
+        if not np.all(np.isfinite(result.x_tilde)):
+            residual_N = float("nan")
             break
-        coupling.set_tolerance(TIGHTEST)
+        if tie_tolerance:
+            coupling.set_tolerance(TIGHTEST)
         try:
             residual_N = coupling.imbalance(result.x_tilde)
-        except ArithmeticError as error:
-            result = replace(result, status="diverged", message=str(error))
+        except CoupledStepFailed as error:
+            status, message, residual_N = "diverged", f"At the converged shape {error}.", float("nan")
+        if status != "converged" or residual_N <= force_tolerance:
             break
-        if residual_N <= force_tolerance:
-            break
-        if left <= 0:
-            text = f"residual_N is {residual_N:.3g} N after {max_iterations} coupling iterations"
-            result = replace(result, status="max_iterations", message=text)
+        if len(history) >= max_iterations:
+            status = "max_iterations"
+            message = f"residual_N is {residual_N:.3g} N after {len(history)} coupling iterations."
             break
         x, atol = result.x_tilde, atol * min(0.1, 0.5 * force_tolerance / residual_N)
+        if atol < np.finfo(float).eps * np.linalg.norm(x):
+            status = "stalled"
+            message = f"residual_N stays at {residual_N:.3g} N: rounding leaves no smaller interface residual."
+            break
+    if status == "max_iterations":
+        message = f"Not converged within {len(history)} coupling iterations."
     seconds = {k: coupling.seconds[k] - before[k] for k in before}
     seconds["total"] = time.perf_counter() - begin
-    return CoupledResult(
-        result.x_tilde,
-        result.status,
-        result.message,
-        len(history),
-        float(result.residual_norms[-1]),
-        residual_N,
-        history,
-        seconds,
-        history[0]["residual_m"],
-        result,
-    )
+    x_tilde = result.x_tilde if np.all(np.isfinite(result.x_tilde)) else coupling.structural.get("displacement")
+    residual = float(result.residual_norms[-1])
+    return CoupledResult(x_tilde, status, message, len(history), residual, residual_N, history, seconds)

@@ -175,7 +175,9 @@ def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> t
         with np.errstate(all="ignore"):
             x_tilde = np.array(G(x.copy()), dtype=float)
     except ArithmeticError as error:
-        return np.full(x.size, np.nan), f"G raised {type(error).__name__} at evaluation {k}: {error}."
+        builtin = type(error).__module__ == "builtins"
+        reason = f"G raised {type(error).__name__}: {error}" if builtin else str(error)
+        return np.full(x.size, np.nan), f"At evaluation {k} {reason.rstrip('.')}."
     if x_tilde.shape != x.shape:
         raise ValueError(f"G must return the shape of x0, {x.shape}, but returned {x_tilde.shape}.")
     return x_tilde.ravel(), ""

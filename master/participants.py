@@ -234,6 +234,8 @@ class FmuParticipant(Blocks):
     def _put(self, block: str, array: np.ndarray) -> None:
         channel = self._channel(block)
         channel.values[...] = array
+        if not np.array_equal(channel.values, array):
+            raise ValueError(f"{self.name}: block {block!r} takes whole numbers.")
         self._require(channel.set_, *channel.arguments)
 
     def set(self, block: str, values: Any) -> None:

@@ -7,11 +7,15 @@ import io
 import json
 import os
 import platform
+import sys
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from master.run import Run
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -93,3 +97,67 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     return value
+
+
+def print_table(scene: Any, run: "Run", content: dict[str, Any], core: Any, out: Path) -> None:
+    """The result of a run as a table on standard output."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    aero, structural, result = run.blocks["aero"], run.blocks["structural"], run.result
+    title = escape(f"{scene.content['title']}: {run.status}")
+    table = Table(title=title, show_header=False, title_justify="left")
+    rows = [
+        ("scheme, backend", f"{content['scheme']}, {content['backend']}"),
+        ("coupling iterations", f"{result.iterations}"),
+        ("interface residual", f"{result.residual:.2e} m"),
+        ("out-of-balance force", f"{result.residual_N:.2e} N"),
+        ("statically stable", _stability_text(run)),
+        ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
+        ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} (area "
+                     f"{scene.content['aero']['reference_area']:g} m2)"),
+        ("angle of attack", f"{np.rad2deg(float(aero['alpha_mid'])):.3f} deg (mid-span chord to the wind)"),
+        ("tip span", f"{float(aero['tip_span']):.4f} m"),
+        ("aerodynamic force", _vector(aero["force"]) + " N"),
+        ("force on supports", f"{_vector(structural['support_force'])} N, "
+                              f"{np.linalg.norm(structural['support_force']):.2f} N in all"),
+    ]  # fmt: skip
+    tension = structural["tension"]
+    lines = [i for c in scene.members.chains for i in c.names]
+    one_way = np.concatenate([~c.two_way for c in scene.members.chains])
+    if one_way.any():
+        most = np.flatnonzero(one_way)[np.argmax(tension[one_way])]
+        rows.append(("largest line tension", f"{tension[most]:.1f} N in {lines[most]}"))
+        slack = [lines[i] for i in np.flatnonzero(one_way & (tension <= 0.0))]
+        rows.append(("slack lines", ", ".join(slack) or "none"))
+    wall = content["wall_time_s"]
+    rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
+    for row in rows:
+        table.add_row(*map(escape, row))
+    console = Console(highlight=False, width=None if _wide() else 110)
+    console.print(table)
+    for remark in run.remarks:
+        console.print(f"note: {remark}", soft_wrap=True, markup=False)
+    if run.status != "converged":
+        console.print(f"{run.status}: {run.message}", soft_wrap=True, markup=False)
+    console.print(
+        f"written: {out}/summary.json, history.csv, nodes.csv, elements.csv, interface.csv, panels.csv", soft_wrap=True
+    )
+
+
+def _wide() -> bool:
+    return sys.stdout.isatty()
+
+
+def _vector(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{v + 0.0:.2f}" for v in values) + ")"
+
+
+def _stability_text(run: "Run") -> str:
+    judged = run.stability
+    if judged is None:
+        return "not judged"
+    answer = {True: "yes", False: "no", None: "undecided"}[judged.statically_stable]
+    scope = ", symmetric motions only" if judged.symmetric_only else ""
+    return f"{answer} (rightmost eigenvalue of the coupled map {judged.eigenvalue:.3f}{scope})"

@@ -1,6 +1,6 @@
 """One coupled run from participants to a record of it: solve, judge the stability, collect outputs."""
 
-import contextlib
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +17,8 @@ EXIT_CONVERGED, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT = 0, 1, 2
 @dataclass(frozen=True, eq=False)
 class Run:
     """A finished run: status, the coupled result, its stability (None: not asked for or not converged), the blocks of
-    both participants at the end, which of them are outputs, and remarks worth a line."""
+    both participants at the end, which of them are outputs, remarks worth a line, and how often each solver was called.
+    """
 
     status: str
     message: str
@@ -26,6 +27,7 @@ class Run:
     blocks: dict[str, dict[str, np.ndarray]]
     outputs: dict[str, list[str]]
     remarks: list[str]
+    evaluations: int
 
 
 def coupled_run(
@@ -44,18 +46,18 @@ def coupled_run(
     judged = None
     status, message = result.status, result.message
     if status == "converged" and stability:
+        begin = time.perf_counter()
         judged = static_stability(coupling, result.displacement, start)
+        result.seconds["stability"] = time.perf_counter() - begin
         if judged.statically_stable is False:
             status = "statically_unstable"
-            message = (
-                f"The equilibrium is statically unstable: the coupled map has the eigenvalue {judged.eigenvalue:.3f} "
-                "there, and from 1 on a small disturbance grows."
-            )
+            message = f"The equilibrium is statically unstable: {judged.message}; above 1 a small disturbance grows."
     blocks, outputs = {}, {}
     for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
         blocks[label] = {b: participant.get(b) for b in participant.blocks}
         outputs[label] = [b for b, c in participant.causality.items() if c == "output"]
-    return Run(status, message, result, judged, blocks, outputs, _remarks(blocks))
+    remarks = _remarks(blocks) + _stability_remarks(judged)
+    return Run(status, message, result, judged, blocks, outputs, remarks, coupling.evaluations)
 
 
 def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
@@ -70,10 +72,17 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
     viscosity = float(blocks["aero"].get("stall_viscosity", 0.0))
     if viscosity:
         remarks.append(f"beyond stall: the circulation contains artificial viscosity ({viscosity:g})")
-    with contextlib.suppress(KeyError):
-        if int(blocks["structural"]["slack_lines"]):
-            remarks.append(f"{int(blocks['structural']['slack_lines'])} lines are slack")
     return remarks
+
+
+def _stability_remarks(judged: Stability | None) -> list[str]:
+    if judged is None:
+        return []
+    if judged.statically_stable is None:
+        return [f"the static stability could not be decided: {judged.message}"]
+    if judged.statically_stable and judged.symmetric_only:
+        return ["stability was judged for mirror-symmetric motions only (symmetric = false tests all)"]
+    return []
 
 
 def _small_outputs(run: Run) -> dict[str, Any]:
@@ -81,7 +90,7 @@ def _small_outputs(run: Run) -> dict[str, Any]:
     out = {}
     for label, other in (("aero", "structural"), ("structural", "aero")):
         for block in run.outputs[label]:
-            if run.blocks[label][block].size <= 3:
+            if run.blocks[label][block].shape in ((), (3,)):
                 out[f"{label}.{block}" if block in run.outputs[other] else block] = run.blocks[label][block]
     return out
 
@@ -100,7 +109,7 @@ def summary(run: Run, settings: dict[str, Any]) -> dict[str, Any]:
         "coupling_iterations": result.iterations,
         "residual": result.residual,
         "residual_N": result.residual_N,
-        "first_residual": result.first_residual,
+        "first_residual": result.history[0]["residual_m"],
         "statically_stable": None if judged is None else judged.statically_stable,
         "stability": None
         if judged is None
@@ -110,12 +119,13 @@ def summary(run: Run, settings: dict[str, Any]) -> dict[str, Any]:
             "symmetric_motions_only": judged.symmetric_only,
         },
         "remarks": run.remarks,
-        "solver_calls": {"structural": result.iterations + 1, "aero": result.iterations + 1},
+        "solver_calls": {"structural": run.evaluations, "aero": run.evaluations},
         "wall_time_s": {
             "total": seconds["total"],
             "structural": seconds["structural"],
             "aero": seconds["aero"],
             "master": seconds["total"] - seconds["structural"] - seconds["aero"],
+            "stability": seconds.get("stability", 0.0),
         },
         "outputs": _small_outputs(run),
         "settings": settings,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from master.coupling import TIGHTEST, Coupling
-from master.spectrum import rightmost_eigenvalue
+from master.spectrum import Eigenvalue, rightmost_eigenvalue
 
 # Perturbation of the interface, m (2-norm over all nodes): small against any wrinkle of the map, and 1e4 times what the
 # structural tolerance leaves open.
@@ -16,9 +16,9 @@ NEUTRAL = 2e-3
 
 @dataclass(frozen=True)
 class Stability:
-    """`statically_stable` (None where it could not be decided), the real part of the rightmost eigenvalue of G', and
-    how
-    many evaluations of G that took; `symmetric_only` where only mirror-symmetric motions were tested."""
+    """`statically_stable` (None where it could not be decided), the real part of the rightmost eigenvalue of G', how
+    many evaluations of G that took, `symmetric_only` where only mirror-symmetric motions were tested, and the reason.
+    """
 
     statically_stable: bool | None
     eigenvalue: float
@@ -31,7 +31,7 @@ def static_stability(coupling: Coupling, x: np.ndarray, start: np.ndarray) -> St
     """Whether the equilibrium with interface displacement x (n,3) m is statically stable; `start` (n,3) is the
     initial x.
 
-    The coupled tangent is K - F' = K (I - G') with the structural tangent K positive: it has a negative eigenvalue
+    The coupled tangent is K - F' = K (I - G'). Where the structural tangent K is positive, it has a negative eigenvalue
     where G' has a real one above 1, and is singular (neutral) where one equals 1. Both participants return to their
     states. While both solve mirrored halves, the search stays within symmetric motions: it starts from the
     displacement that the solve found, entry by entry its square root, which keeps the symmetry and has a part in every
@@ -49,13 +49,32 @@ def static_stability(coupling: Coupling, x: np.ndarray, start: np.ndarray) -> St
     try:
         coupling.set_tolerance(TIGHTEST)
         found = rightmost_eigenvalue(coupling, x, step=STEP, start=seed)
+    except ArithmeticError as error:
+        return Stability(None, float("nan"), 0, symmetric, str(error))
     finally:
         for participant, state in zip(participants, states, strict=True):
             participant.restore(state)
             participant.free(state)
+    unstable_modes = 0
+    if "unstable_modes" in coupling.structural.blocks:
+        unstable_modes = int(coupling.structural.get("unstable_modes"))
+    return _judged(found, unstable_modes, symmetric)
+
+
+def _judged(found: Eigenvalue, unstable_modes: int, symmetric: bool) -> Stability:
+    """The verdict from the spectrum found and the number of unstable directions of the structure by itself."""
     if not np.isfinite(found.value):
         return Stability(None, float("nan"), found.evaluations, symmetric, found.message)
-    real = found.imaginary <= NEUTRAL
-    above = real and found.value > 1.0 - NEUTRAL
-    stable = None if not found.settled and not above else not above
-    return Stability(stable, found.value, found.evaluations, symmetric, found.message)
+    real = found.ritz_values[np.abs(np.imag(found.ritz_values)) <= NEUTRAL].real
+    above = int(np.count_nonzero(real > 1.0 - NEUTRAL)) if found.settled else int(found.value > 1.0 - NEUTRAL)
+    value = float(real.max()) if above and found.settled else found.value
+    if unstable_modes:
+        # Signs of det K and det(I - G'): an odd sum is a coupled tangent with an odd number of negative eigenvalues.
+        stable = False if (unstable_modes + above) % 2 else None
+        text = f"the structure alone has {unstable_modes} unstable directions under these loads"
+        return Stability(stable, value, found.evaluations, symmetric, text)
+    if above:
+        text = f"the coupled map has the eigenvalue {value:.3f}"
+        text += ", neutral within the accuracy of the search" if value < 1.0 + NEUTRAL else ""
+        return Stability(False, value, found.evaluations, symmetric, text)
+    return Stability(True if found.settled else None, value, found.evaluations, symmetric, found.message)

@@ -7,13 +7,17 @@ import numpy as np
 from aero import StripPolars, SurfaceGrid, VortexStep
 
 from .core import Core
+from .interface import rotated
 from .variables import StepFailed, Variable
+
+# Difference of mirrored points, m, that still counts as symmetric: what a half structure leaves by rounding.
+LOPSIDED = 1e-9
 
 
 class AeroCore(Core):
     """Quasi-steady loads of a scene's wing in a uniform wind, warm-started from step to step."""
 
-    _hidden = ("_gamma",)
+    _hidden = ("_gamma", "_fresh")
 
     def __init__(self, scene):
         content = scene.content["aero"]
@@ -25,11 +29,14 @@ class AeroCore(Core):
             SurfaceGrid(self._interface.sections, self._interface.fractions),
             induction=content["induction"],
             direction=content["direction"],
+            circulation_speed=content["circulation_speed"],
             section_force=content["section_force"],
         )
         self._gamma = None
+        self._fresh = True
+        self._mirrored_polars = self._wing.polars.mirrored()
         self._about = self._reference_point()
-        super().__init__(tuple(self._declared(content)))
+        super().__init__(scene.name, tuple(self._declared(content)))
 
     def _reference_point(self):
         pivot = self._scene.content["structure"]["pivot"]
@@ -45,16 +52,21 @@ class AeroCore(Core):
         yield Variable("displacement", (points, 3), unit="m", description=text)
         tunable = partial(Variable, causality="parameter", variability="tunable")
         text = "wind speed at the wing"
-        yield tunable("wind_speed", unit="m/s", start=content["wind_speed"], minimum=1e-3, description=text)
+        start = content["wind_speed"]
+        yield tunable("wind_speed", unit="m/s", start=start, minimum=1e-3, maximum=340.0, description=text)
         text = "direction that the wind blows to, global frame, any length above zero"
         start = np.array(content["wind_direction"], float)
         yield tunable("wind_direction", (3,), start=start, description=text)
-        yield tunable(
-            "air_density", unit="kg/m3", start=content["air_density"], minimum=1e-6, description="air density"
-        )
+        text = "density of the air"
+        start = content["air_density"]
+        yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
         start = self._scene.content["structure"]["symmetric"]
         text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
         yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
+        if self._scene.content["trim"] is not None:
+            text = "rigid nose-up rotation about the pivot in which the wing starts"
+            fixed = partial(tunable, variability="fixed", minimum=-3.2, maximum=3.2)
+            yield fixed("trim_angle", unit="rad", description=text)
         output = partial(Variable, causality="output")
         yield output("pressure", (panels,), unit="Pa", description="net pressure on each interface panel")
         if content["section_force"] != "normal":
@@ -73,25 +85,44 @@ class AeroCore(Core):
         yield output("tip_span", unit="m", description="distance between the tips' quarter-chord points")
         text = "strips whose angle of attack lies beyond the polar table, where its end value is held"
         yield output("strips_beyond_polar", kind="integer", description=text)
-        text = "artificial viscosity in the result, in units of the lost lift slope; 0 below stall"
+        text = "artificial viscosity in the result, in units of (lost lift slope / 2 pi) (chord / width); 0 below stall"
         yield output("stall_viscosity", description=text)
         yield output("residual", description="norm of the circulation imbalance relative to U c / 2")
         yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
-        yield output("symmetry_used", kind="boolean", description="whether the last solve was of one half")
+        start, text = self._scene.content["structure"]["symmetric"], "whether the last solve was of one half"
+        yield output("symmetry_used", kind="boolean", start=float(start), description=text)
 
     def _check(self, block, array):
-        if block == "wind_direction" and np.linalg.norm(array) == 0.0:
-            raise ValueError("wind_direction must not be the zero vector.")
+        if block == "wind_direction" and np.linalg.norm(array[[0, 2]]) <= 1e-6 * np.abs(array).max():
+            raise ValueError("wind_direction must not be zero or along the span (y).")
+
+    def _parameter_changed(self, block):
+        if block == "trim_angle":
+            nodes = self._interface.nodes
+            self._values["displacement"] = rotated(nodes, self._scalar("trim_angle"), self._about) - nodes
+
+    def get(self, block: str) -> np.ndarray:
+        """See `Core.get`. Before the first step the outputs are the loads on the wing as it starts."""
+        if self._fresh and self._stale and block in self._by_name and self._by_name[block].causality == "output":
+            try:
+                self._solve()
+            except StepFailed:  # no loads then; the first step says why
+                self._fresh = False
+        return super().get(block)
 
     def step(self, t: float, dt: float) -> None:
         """Loads on the displaced wing; the same input again returns the stored output without solving."""
-        if not self._stale:
-            return
+        self._fresh = False
+        if self._stale:
+            self._solve()
+
+    def _solve(self) -> None:
         nodes = self._interface.nodes + self._values["displacement"]
         direction = self._values["wind_direction"]
         direction = direction / np.linalg.norm(direction)
         speed = self._scalar("wind_speed")
-        symmetric = bool(self._values["symmetric"]) and direction[1] == 0.0 and self._symmetric_shape(nodes)
+        symmetric = bool(self._values["symmetric"]) and direction[1] == 0.0 and self._mirrored_polars
+        symmetric = symmetric and self._symmetric_shape(nodes)
         wing = self._wing.in_air(self._scalar("air_density"))
         with np.errstate(all="ignore"):
             try:
@@ -111,7 +142,7 @@ class AeroCore(Core):
 
     def _symmetric_shape(self, nodes):
         grid = nodes[self._interface.sections]
-        return np.abs(grid[::-1] * np.array([1.0, -1.0, 1.0]) - grid).max() <= 1e-9
+        return np.abs(grid[::-1] * np.array([1.0, -1.0, 1.0]) - grid).max() <= LOPSIDED
 
     def _show(self, nodes, direction, speed, loads, symmetric):
         force = loads.total_force()

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from .tables import SceneError
 from .variables import Variable
 
 
@@ -16,11 +17,22 @@ class Core:
 
     _hidden: tuple[str, ...] = ()
 
-    def __init__(self, variables: tuple[Variable, ...]):
+    def __init__(self, scene: str, variables: tuple[Variable, ...]):
         self.variables = variables
         self._by_name = {v.name: v for v in variables}
         self._values = {v.name: np.array(np.broadcast_to(v.start, v.shape), dtype=float) for v in variables}
         self._stale = True
+        for v in variables:
+            start = self._values[v.name]
+            low, high = -np.inf if v.minimum is None else v.minimum, np.inf if v.maximum is None else v.maximum
+            if np.any(start < low) or np.any(start > high):
+                raise SceneError(
+                    f"{v.name} starts at {start:g}, which must lie between {low:g} and {high:g}; correct it."
+                )
+        if len(self._by_name) < len(variables):
+            names = [v.name for v in variables]
+            twice = next(n for n in names if names.count(n) > 1)
+            raise SceneError(f"{scene}/scene.toml: two variables are named '{twice}'; give the tape another name.")
 
     def set(self, block: str, values: Any) -> None:
         """Copy `values` into an input or parameter; `ValueError` in one sentence if they do not fit, nothing set
@@ -32,8 +44,8 @@ class Core:
             raise ValueError(f"there is no input or parameter '{block}'; there are: {known}.")
         try:
             array = np.array(values, dtype=float)
-        except (TypeError, ValueError):
-            raise ValueError(f"{block} must be numeric, not {values!r}.") from None
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{block} must be numeric and finite, not {str(values)[:40]!r}.") from None
         if array.shape != variable.shape:
             raise ValueError(f"{block} has shape {variable.shape}, not {array.shape}.")
         if not np.all(np.isfinite(array)):
@@ -42,6 +54,9 @@ class Core:
         if (low is not None and array.min(initial=low) < low) or (high is not None and array.max(initial=high) > high):
             bounds = f"at least {low:g}" if high is None else f"between {low:g} and {high:g}"
             raise ValueError(f"{block} must be {bounds}; it is {array.min() if array.size else array:g}.")
+        if variable.kind != "real" and np.any(array != np.round(array)):
+            kind = "0 or 1" if variable.kind == "boolean" else "a whole number"
+            raise ValueError(f"{block} must be {kind}; it is {array:g}.")
         self._check(block, array)
         if not np.array_equal(array, self._values[block]):
             self._values[block] = array

@@ -1,123 +1,239 @@
 """scene.toml: the table of contents of a scene, checked against what is known before anything is built."""
 
+import math
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from .tables import SceneError
 
-# What each section may hold: key -> (types, default). A default of `...` means the key must be given.
-_NUMBER = (int, float)
-_KNOWN: dict[str, dict[str, tuple[Any, Any]]] = {
+
+class _Wrong(ValueError):
+    """What a value should have been."""
+
+
+def _file(value: Any) -> str:
+    if not isinstance(value, str) or not value.isprintable() or Path(value).name != value:
+        raise _Wrong("the name of a file in the scene's folder")
+    return value
+
+
+def _label(value: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise _Wrong("the name of a node")
+    return str(value)
+
+
+def _flag(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise _Wrong("true or false")
+    return value
+
+
+def _number(low: float = -math.inf, above: float = -math.inf) -> Callable[[Any], float]:
+    meaning = "a finite number"
+    if above > -math.inf:
+        meaning = f"a finite number above {above:g}"
+    elif low > -math.inf:
+        meaning = f"a finite number, {low:g} or more"
+
+    def check(value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise _Wrong(meaning)
+        try:
+            number = float(value)
+        except OverflowError:
+            raise _Wrong(meaning) from None
+        if not math.isfinite(number) or number < low or number <= above:
+            raise _Wrong(meaning)
+        return number
+
+    return check
+
+
+def _choice(*choices: str) -> Callable[[Any], str]:
+    def check(value: Any) -> str:
+        if not isinstance(value, str) or value not in choices:
+            raise _Wrong("one of: " + ", ".join(choices))
+        return value
+
+    return check
+
+
+def _direction(value: Any) -> list[float]:
+    meaning = "three finite numbers that are not all zero"
+    if not isinstance(value, list) or len(value) != 3:
+        raise _Wrong(meaning)
+    try:
+        numbers = [_number()(v) for v in value]
+    except _Wrong:
+        raise _Wrong(meaning) from None
+    if not any(numbers):
+        raise _Wrong(meaning)
+    return numbers
+
+
+def _tapes(value: Any) -> dict[str, list[str]]:
+    meaning = "a table of parameter names, each with a list of line names"
+    if not isinstance(value, dict):
+        raise _Wrong(meaning)
+    for name, lines in value.items():
+        if not name.isidentifier() or not isinstance(lines, list) or not lines:
+            raise _Wrong(f"{meaning} ({name} has none)")
+        if not all(isinstance(line, str) for line in lines):
+            raise _Wrong(meaning)
+    return value
+
+
+# Section -> key -> (check, default); a default of `...` means that the key must be given.
+_KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
     "structure": {
-        "nodes": (str, ...),
-        "springs": (str, None),
-        "canopy": (str, None),
-        "lines": (str, None),
-        "masses": (str, None),
-        "line_modulus": (_NUMBER, 0.0),
-        "line_density": (_NUMBER, 0.0),
-        "gravity": (_NUMBER, 9.81),
-        "symmetric": (bool, False),
-        "pivot": ((str, int), None),
-        "tapes": (dict, {}),
+        "nodes": (_file, ...),
+        "springs": (_file, None),
+        "canopy": (_file, None),
+        "lines": (_file, None),
+        "masses": (_file, None),
+        "line_modulus": (_number(above=0.0), None),
+        "line_density": (_number(low=0.0), 0.0),
+        "gravity": (_number(), 9.81),
+        "symmetric": (_flag, False),
+        "pivot": (_label, None),
+        "tapes": (_tapes, {}),
     },
-    "wing": {"struts": (str, ...), "sections": (str, ...), "polars": (str, ...)},
+    "wing": {"struts": (_file, ...), "sections": (_file, ...), "polars": (_file, ...)},
     "aero": {
-        "method": (str, "vortex-step"),
-        "induction": (bool, True),
-        "direction": (str, "bound"),
-        "section_force": (str, "lift-drag"),
-        "wind_speed": (_NUMBER, ...),
-        "wind_direction": (list, [1.0, 0.0, 0.0]),
-        "air_density": (_NUMBER, 1.225),
-        "reference_area": (_NUMBER, ...),
+        "method": (_choice("vortex-step"), "vortex-step"),
+        "induction": (_flag, True),
+        "direction": (_choice("bound", "control"), "bound"),
+        "circulation_speed": (_choice("local", "far"), "local"),
+        "section_force": (_choice("lift-drag", "normal"), "lift-drag"),
+        "wind_speed": (_number(above=0.0), ...),
+        "wind_direction": (_direction, [1.0, 0.0, 0.0]),
+        "air_density": (_number(above=0.0), 1.225),
+        "reference_area": (_number(above=0.0), ...),
     },
-    "trim": {"lowest_deg": (_NUMBER, -5.0), "highest_deg": (_NUMBER, 25.0)},
-}
-_CHOICES = {
-    ("aero", "method"): ("vortex-step",),
-    ("aero", "direction"): ("bound", "control"),
-    ("aero", "section_force"): ("lift-drag", "normal"),
+    "trim": {"lowest_deg": (_number(), -5.0), "highest_deg": (_number(), 25.0)},
 }
 
 
 def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The checked content of scene.toml with the chosen variant merged in, and all settings with their defaults."""
-    path = folder / "scene.toml"
+    """The checked content of scene.toml with the chosen variant merged in, and all settings with their values.
+
+    Raises `SceneError` in one sentence for whatever is missing, unknown, or not what it should be.
+    """
     label = f"{folder.name}/scene.toml"
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise SceneError(f"{label} does not exist; a scene is a folder with a scene.toml.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise SceneError(f"{label} is not valid TOML: {error}; mend that line.") from None
-    options = content.get("settings", {})
-    if not isinstance(options, dict) or not all(isinstance(v, dict) and "default" in v for v in options.values()):
-        raise SceneError(f"{label}: every [settings.NAME] must be a table with a default; add 'default = ...'.")
+    content = _parsed(folder / "scene.toml", label)
+    options = _options(label, content.get("settings", {}))
     chosen = {key: option["default"] for key, option in options.items()}
     for key, value in settings.items():
         if key not in options:
             known = ", ".join(sorted(options)) or "none"
             raise SceneError(f"scene '{folder.name}' has no setting '{key}'; its settings are: {known}.")
-        chosen[key] = _setting(folder.name, key, value, options[key])
-    if "variant" in chosen:
-        variants = content.get("variants", {})
-        if chosen["variant"] not in variants:
-            raise SceneError(f"{label} has no [variants.{chosen['variant']}]; add it or choose another variant.")
-        for section, keys in variants[chosen["variant"]].items():
-            content.setdefault(section, {}).update(keys)
-    checked: dict[str, Any] = {
-        "title": str(content.get("title", folder.name)),
-        "description": str(content.get("description", "")),
-    }
-    for section, keys_known in _KNOWN.items():
-        if section == "trim" and section not in content:
-            checked[section] = None
-            continue
-        checked[section] = _section(label, section, content.get(section, {}), keys_known)
+        chosen[key] = _setting(f"setting {key} of scene '{folder.name}'", value, options[key])
     unknown = set(content) - set(_KNOWN) - {"title", "description", "settings", "variants"}
     if unknown:
         raise SceneError(f"{label} has an unknown section [{sorted(unknown)[0]}]; known are: {', '.join(_KNOWN)}.")
-    checked["settings"] = options
+    changes = _variant(label, content.get("variants", {}), chosen.get("variant"))
+    checked: dict[str, Any] = {"settings": options}
+    for key, default in (("title", folder.name), ("description", "")):
+        checked[key] = str(content.get(key, default))
+    for section, keys in _KNOWN.items():
+        given = content.get(section, {})
+        if section == "trim" and section not in content:
+            checked[section] = None
+            continue
+        if not isinstance(given, dict):
+            raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
+        checked[section] = _section(label, section, {**given, **changes.get(section, {})}, keys)
+    if checked["trim"] and checked["trim"]["lowest_deg"] >= checked["trim"]["highest_deg"]:
+        raise SceneError(f"{label}: [trim] highest_deg must be above lowest_deg; correct one of them.")
     return checked, chosen
 
 
-def _setting(scene: str, key: str, value: Any, option: dict[str, Any]) -> Any:
-    default = option["default"]
-    if isinstance(default, bool) or not isinstance(default, int):
-        if "options" in option and value not in option["options"]:
-            allowed = ", ".join(map(str, option["options"]))
-            raise SceneError(f"setting {key} of scene '{scene}' cannot be '{value}'; choose one of: {allowed}.")
-        return type(default)(value)
+def _parsed(path: Path, label: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise SceneError(f"{label} does not exist; a scene is a folder with a scene.toml.") from None
+    except (ValueError, OSError, RecursionError) as error:  # TOML and Unicode errors are ValueErrors
+        reason = " ".join(str(error).split())[:200]
+        raise SceneError(f"{label} is not valid TOML ({reason}); mend that line.") from None
+
+
+def _options(label: str, settings: Any) -> dict[str, dict[str, Any]]:
+    """The [settings.NAME] tables: a text default with its options, or a whole-number default with its bounds."""
+    if not isinstance(settings, dict):
+        raise SceneError(f"{label}: [settings] must hold tables; write [settings.NAME] with a default.")
+    for key, option in settings.items():
+        place = f"{label}: [settings.{key}]"
+        if not isinstance(option, dict) or "default" not in option:
+            raise SceneError(f"{place} must be a table with a default; add 'default = ...'.")
+        default = option["default"]
+        if isinstance(default, str):
+            choices = option.get("options")
+            if not isinstance(choices, list) or not choices or not all(isinstance(c, str) for c in choices):
+                raise SceneError(f"{place} options must be a list of texts that the setting may have; add it.")
+        elif isinstance(default, bool) or not isinstance(default, int):
+            raise SceneError(f"{place} default must be a text or a whole number; correct it.")
+        else:
+            for bound in ("minimum", "maximum"):
+                if isinstance(option.get(bound, 1), bool) or not isinstance(option.get(bound, 1), int):
+                    raise SceneError(f"{place} {bound} must be a whole number; correct it.")
+        _setting(place, default, option)
+    return settings
+
+
+def _setting(place: str, value: Any, option: dict[str, Any]) -> Any:
+    """The value of a setting, if its option allows it."""
+    if isinstance(option["default"], str):
+        if not isinstance(value, str) or value not in option["options"]:
+            raise SceneError(f"{place} cannot be '{value}'; choose one of: {', '.join(option['options'])}.")
+        return value
     try:
         number = int(str(value))
     except ValueError:
-        raise SceneError(f"setting {key} of scene '{scene}' must be a whole number, not '{value}'.") from None
+        raise SceneError(f"{place} must be a whole number, not '{value}'; correct it.") from None
     low, high = option.get("minimum", 1), option.get("maximum", 100)
     if not low <= number <= high:
-        raise SceneError(f"setting {key} of scene '{scene}' must lie between {low} and {high}, not {number}.")
+        raise SceneError(f"{place} must lie between {low} and {high}; it is {number}.")
     return number
 
 
-def _section(label: str, section: str, given: Any, known: dict[str, tuple[Any, Any]]) -> dict[str, Any]:
-    if not isinstance(given, dict):
-        raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
+def _variant(label: str, variants: Any, chosen: str | None) -> dict[str, dict[str, Any]]:
+    """Section -> key -> value of the chosen variant, which go before those of the sections themselves."""
+    if not isinstance(variants, dict):
+        raise SceneError(
+            f"{label}: [variants] must hold tables; write [variants.NAME.SECTION] with the keys to change."
+        )
+    for name, sections in variants.items():
+        right = isinstance(sections, dict) and all(s in _KNOWN and isinstance(k, dict) for s, k in sections.items())
+        if not right:
+            known = ", ".join(_KNOWN)
+            raise SceneError(f"{label}: [variants.{name}] must hold tables of the sections {known}; correct it.")
+    if chosen is None:
+        return {}
+    if chosen not in variants:
+        raise SceneError(f"{label} has no [variants.{chosen}]; add it or choose another variant.")
+    return variants[chosen]
+
+
+def _section(
+    label: str, section: str, given: dict[str, Any], known: dict[str, tuple[Callable[[Any], Any], Any]]
+) -> dict[str, Any]:
     unknown = sorted(set(given) - set(known))
     if unknown:
         raise SceneError(f"{label}: [{section}] has an unknown key '{unknown[0]}'; known are: {', '.join(known)}.")
     out = {}
-    for key, (types, default) in known.items():
+    for key, (check, default) in known.items():
         if key not in given:
             if default is ...:
                 raise SceneError(f"{label}: [{section}] lacks '{key}'; add it.")
             out[key] = default
             continue
-        value = given[key]
-        if not isinstance(value, types) or (isinstance(value, bool) and types is not bool):
-            raise SceneError(f"{label}: [{section}] {key} = {value!r} has the wrong type; see the scene-writing notes.")
-        choices = _CHOICES.get((section, key))
-        if choices and value not in choices:
-            raise SceneError(f"{label}: [{section}] {key} = {value!r} is not one of: {', '.join(choices)}.")
-        out[key] = value
+        try:
+            out[key] = check(given[key])
+        except _Wrong as wanted:
+            shown = str(given[key])[:40]
+            raise SceneError(f"{label}: [{section}] {key} must be {wanted}; it is {shown!r}.") from None
     return out

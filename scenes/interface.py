@@ -71,6 +71,13 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
     return _interface(points, sp.csr_array(weights), span)
 
 
+def rotated(points, angle, about):
+    """Points (n,3) turned nose-up by `angle` rad about the y axis through `about` (3,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return about + (points - about) @ turn.T
+
+
 def _interface(nodes, weights, span):
     sections = np.arange(len(nodes)).reshape(-1, 3)
     first, second = sections[:-1], sections[1:]

@@ -1,6 +1,6 @@
 """The structural tables of a scene: nodes, springs, canopy quads, lines and point masses."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -137,21 +137,28 @@ def _springs(path, index, nodes, structure):
 
 
 def _canopy(path, index, nodes, structure):
-    """Six-spring quads: four edges and two diagonals at their reference lengths; an edge of two quads is one spring."""
+    """Six-spring quads: four edges and two diagonals at their reference lengths.
+
+    An edge of two quads is one spring, with the stiffness of the first and the mass of both.
+    """
     columns = {"name": name, "nodes": names, "stiffness_N_per_m": positive, "mass_kg": non_negative}
     t = read_table(path, columns)
-    edges: set[tuple[int, int]] = set()
+    edges: dict[tuple[int, int], list[Any]] = {}
     for row in range(len(t)):
         a, b, c, d = _resolve(t, row, index, 4, 4)
+        if len({a, b, c, d}) < 4:
+            raise SceneError(f"{t.at(row)}: quad '{t['name'][row]}' uses a node twice; name four different nodes.")
         pairs = {"ab": (a, b), "bc": (b, c), "cd": (c, d), "da": (d, a), "ac": (a, c), "bd": (b, d)}
         for side, (i, j) in pairs.items():
-            if (min(i, j), max(i, j)) in edges:
-                continue
-            edges.add((min(i, j), max(i, j)))
-            length = float(np.linalg.norm(nodes[i] - nodes[j]))
             mass = t["mass_kg"][row] / 6.0
-            element = _Element(f"{t['name'][row]}_{side}", (i, j), length, t["stiffness_N_per_m"][row], 0.0, True, mass)
-            yield element, t.at(row)
+            if (min(i, j), max(i, j)) in edges:
+                edges[min(i, j), max(i, j)][-1] += mass
+                continue
+            length = float(np.linalg.norm(nodes[i] - nodes[j]))
+            k = t["stiffness_N_per_m"][row]
+            edges[min(i, j), max(i, j)] = [t.at(row), f"{t['name'][row]}_{side}", (i, j), length, k, mass]
+    for where, label, ends, length, k, mass in edges.values():
+        yield _Element(label, ends, length, k, 0.0, True, mass), where
 
 
 def _lines(path, index, nodes, structure):
@@ -218,3 +225,13 @@ def _grouped(elements):
             )
         )
     return tuple(groups), np.array([elements[i].area for i in order])
+
+
+def with_rest_lengths(chains, rest, stiffness):
+    """The chain groups with new rest lengths m and stiffnesses N/m, both over all elements in order."""
+    out, start = [], 0
+    for group in chains:
+        stop = start + len(group.l0)
+        out.append(replace(group, l0=rest[start:stop], k=stiffness[start:stop]))
+        start = stop
+    return tuple(out)

@@ -1,6 +1,6 @@
 """A scene: tables turned into a structural model, a wing and the interface between them."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .description import read_description
-from .interface import Interface, design_interface, structural_interface
+from .interface import Interface, arc_fraction, design_interface, structural_interface
 from .members import Members, read_members
 from .tables import SceneError, name, number, read_table
 
@@ -51,7 +51,18 @@ class Scene:
         table = read_table(self.folder / self.content["wing"]["sections"], columns)
         if len(table) < 2:
             raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two sections; add one.")
+        edge = np.array([table[f"le_{axis}_m"] for axis in "xyz"]).T
+        same = np.flatnonzero(np.linalg.norm(np.diff(edge, axis=0), axis=1) == 0.0)
+        if len(same):
+            raise SceneError(f"{table.at(int(same[0]) + 1)}: the leading edge is that of the row above; move it.")
         return table
+
+    @property
+    def files(self) -> list[str]:
+        """The files in the scene's folder that it is made of, as scene.toml names them for the chosen settings."""
+        structure, wing = self.content["structure"], self.content["wing"]
+        tables = [structure[k] for k in ("nodes", "springs", "canopy", "lines", "masses")] + list(wing.values())
+        return ["scene.toml", *(t for t in tables if t)]
 
     def structural_core(self):
         """The structural solver core of this scene."""
@@ -92,8 +103,6 @@ class Scene:
             if key not in curves:
                 raise SceneError(f"{sections.at(row)}: polar '{key}' is not in {label}; add it or correct the name.")
         stacked = np.array([curves[key] for key in sections["polar"]])
-        from .interface import arc_fraction
-
         span = arc_fraction(self._design()[0])
         return np.deg2rad(grid), stacked[:, 0], stacked[:, 1], stacked[:, 2], span
 
@@ -111,18 +120,26 @@ class Scene:
 
 def load(scene: str | Path, settings: dict[str, Any] | None = None) -> Scene:
     """The scene with this name or in this folder; raises `SceneError` with one sentence where anything is wrong."""
-    folder = Path(scene)
-    if not folder.is_dir() or not (folder / "scene.toml").exists():
-        folder = BUILT_IN / str(scene)
-    if not (folder / "scene.toml").is_file():
+    folder = _folder(scene)
+    if folder is None:
         known = ", ".join(available())
-        raise SceneError(
-            f"there is no scene '{scene}'; built-in scenes are: {known} (or name a folder with a scene.toml)."
-        )
+        shown = str(scene)[:80]
+        raise SceneError(f"there is no scene '{shown}'; built-in are: {known} (or name a folder with a scene.toml).")
     content, chosen = read_description(folder, settings or {})
     members = read_members(folder, content["structure"])
     struts = _struts(folder, content, members)
-    return Scene(folder.resolve().name, folder.resolve(), content, chosen, members, struts)
+    return Scene(folder.name, folder, content, chosen, members, struts)
+
+
+def _folder(scene: str | Path) -> Path | None:
+    """The folder of a scene given by path or by the name of a built-in one, if there is one."""
+    for folder in (Path(scene), BUILT_IN / str(scene)):
+        try:
+            if str(scene) and (folder / "scene.toml").exists():
+                return folder.resolve()
+        except (OSError, ValueError):  # names that no file can have
+            return None
+    return None
 
 
 def available() -> list[str]:
@@ -137,6 +154,10 @@ def _struts(folder, content, members):
         raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two struts; add one.")
     pairs = [[members.node(table[column][row], table.at(row)) for column in columns] for row in range(len(table))]
     struts = np.array(pairs)
+    chord = np.linalg.norm(members.nodes[struts[:, 1]] - members.nodes[struts[:, 0]], axis=1)
+    if np.any(chord == 0.0):
+        row = int(np.flatnonzero(chord == 0.0)[0])
+        raise SceneError(f"{table.at(row)}: leading and trailing edge are one point; name two nodes apart.")
     y = members.nodes[struts, 1].mean(axis=1)
     if np.any(np.diff(y) <= 0.0):
         row = int(np.flatnonzero(np.diff(y) <= 0.0)[0]) + 1
@@ -144,13 +165,3 @@ def _struts(folder, content, members):
             f"{table.at(row)}: struts must go from the left tip (y < 0) to the right one; reorder the rows."
         )
     return struts
-
-
-def with_rest_lengths(chains, rest, stiffness):
-    """The chain groups with new rest lengths m and stiffnesses N/m, both over all elements in order."""
-    out, start = [], 0
-    for group in chains:
-        stop = start + len(group.l0)
-        out.append(replace(group, l0=rest[start:stop], k=stiffness[start:stop]))
-        start = stop
-    return tuple(out)

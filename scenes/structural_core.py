@@ -8,26 +8,30 @@ from structural import (
     Assembly,
     Loads,
     Structure,
+    canonical_chains,
+    canonical_panels,
     equilibrium,
     mirror_permutation,
+    mirror_rows,
     surface_forces,
     tensions,
 )
 
 from .core import Core
-from .scene import with_rest_lengths
+from .interface import rotated
+from .members import with_rest_lengths
 from .tables import SceneError
 from .variables import StepFailed, Variable
 
-# Largest load difference between mirrored panels, relative to the largest load, that still counts as symmetric:
-# rounding of an aerodynamic solve, not a sideslip.
-ASYMMETRY = 1e-9
+# What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
+# solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
+ASYMMETRY, LOPSIDED = 1e-9, 1e-6
 
 
 class StructuralCore(Core):
     """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
 
-    _hidden = ("_x", "_solved")
+    _hidden = ("_x",)
 
     def __init__(self, scene):
         self._scene = scene
@@ -38,9 +42,8 @@ class StructuralCore(Core):
         self._mirror = mirror_permutation(self._members.nodes)
         self._assemblies: dict[bool, Assembly] = {}
         self._chains = None
-        super().__init__(tuple(self._declared()))
+        super().__init__(scene.name, tuple(self._declared()))
         self._x = self._start_positions()
-        self._solved = False
         self._show_start()
 
     def _pivot_node(self):
@@ -70,7 +73,9 @@ class StructuralCore(Core):
             text = "traction on each interface panel, keeps its global direction"
             yield Variable("shear", (panels, 3), unit="Pa", description=text)
         tunable = partial(Variable, causality="parameter", variability="tunable")
-        yield tunable("gravity", unit="m/s2", start=content["gravity"], description="gravity, towards -z")
+        gravity = content["gravity"]
+        text = "gravity, towards -z"
+        yield tunable("gravity", unit="m/s2", start=gravity, minimum=-1e3, maximum=1e3, description=text)
         if content["line_modulus"]:
             text = "Young's modulus of the bridle lines"
             yield tunable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text)
@@ -104,7 +109,10 @@ class StructuralCore(Core):
         text = "out-of-balance force of the state before the step under the loads of the step"
         yield output("imbalance", unit="N", description=text)
         yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
-        yield output("symmetry_used", kind="boolean", description="whether the last solve was of one half")
+        text = "directions in which the equilibrium is unstable under its loads, kept as they are"
+        yield output("unstable_modes", kind="integer", description=text)
+        text = "whether the last solve was of one half"
+        yield output("symmetry_used", kind="boolean", start=float(start), description=text)
 
     @property
     def element_names(self):
@@ -126,12 +134,16 @@ class StructuralCore(Core):
     def _show_start(self):
         self._put("position", self._x)
         self._put("displacement", self._interface.weights @ self._x - self._interface.nodes)
+        chains, _ = self._present_chains()
+        tension = np.concatenate([tensions(self._x, c) for c in chains])
+        two_way = np.concatenate([c.two_way for c in chains])
+        self._put("tension", tension)
+        self._put("slack_lines", np.count_nonzero(~two_way & (tension <= 0.0)))
 
     def _parameter_changed(self, block):
         self._chains = None
         if block == "trim_angle":
             self._x = self._start_positions()
-            self._solved = False
             self._show_start()
 
     def _restored(self):
@@ -147,8 +159,12 @@ class StructuralCore(Core):
             if "line_modulus" in self._values:
                 k = np.where(area > 0.0, self._scalar("line_modulus") * area / rest, k)
             chains = with_rest_lengths(self._members.chains, rest, k)
-            self._chains = chains, self._mirror is not None and _symmetric_chains(chains, self._mirror)
+            self._chains = chains, self._mirrored_supports and _symmetric_chains(chains, self._mirror)
         return self._chains
+
+    @cached_property
+    def _mirrored_supports(self):
+        return self._mirror is not None and np.array_equal(self._members.fixed, self._members.fixed[self._mirror])
 
     def _mass(self):
         m = self._members
@@ -182,7 +198,6 @@ class StructuralCore(Core):
                 f"{result.residual:.3g} N out of balance, {self._scalar('solver_tolerance'):.3g} N asked for."
             )
         self._x = result.x
-        self._solved = True
         self._show(result, chains, loads, symmetric)
         self._stale = False
 
@@ -197,47 +212,35 @@ class StructuralCore(Core):
         if loads.shear is not None:
             scale = max(scale, np.abs(loads.shear).max(initial=0.0))
             odd = max(odd, np.abs(loads.shear - loads.shear[image] * flip).max(initial=0.0))
+        dead = np.abs(loads.dead - loads.dead[self._mirror] * flip).max()
         lopsided = np.abs(self._x - self._x[self._mirror] * flip).max()
-        return odd <= ASYMMETRY * scale and lopsided <= 1e-6
+        return odd <= ASYMMETRY * scale and dead <= ASYMMETRY * np.abs(loads.dead).max() and lopsided <= LOPSIDED
 
     @cached_property
     def _panel_image(self):
-        """Index of the mirror image of every panel, or None."""
+        """Row of the mirror image of every panel, or None."""
         nodes = mirror_permutation(self._interface.nodes)
         if nodes is None:
             return None
-        key = np.sort(self._interface.panels, axis=1)
-        where = {tuple(k): i for i, k in enumerate(key)}
-        images = [where.get(tuple(k)) for k in np.sort(nodes[self._interface.panels], axis=1)]
-        return None if None in images else np.array(images)
+        rows = mirror_rows(self._interface.panels, nodes, canonical_panels)
+        return None if np.any(rows < 0) else rows
 
     def _show(self, result, chains, loads, symmetric):
         self._show_start()
-        tension = np.concatenate([tensions(self._x, c) for c in chains])
-        two_way = np.concatenate([c.two_way for c in chains])
-        self._put("tension", tension)
-        self._put("slack_lines", np.count_nonzero(~two_way & (tension <= 0.0)))
         corners = (self._interface.weights @ self._x)[self._interface.panels]
         external = surface_forces(corners, loads.pressure, loads.shear).sum(axis=(0, 1)) + loads.dead.sum(axis=0)
         self._put("support_force", external)
         self._put("residual", result.residual)
-        self._put("imbalance", result.residuals[0] if self._solved else 0.0)
+        self._put("imbalance", result.residuals[0])
+        self._put("unstable_modes", result.unstable_modes)
         self._put("newton_iterations", result.iterations)
         self._put("symmetry_used", float(symmetric))
 
 
-def rotated(points, angle, about):
-    """Points (n,3) turned nose-up by `angle` rad about the y axis through `about` (3,)."""
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    return about + (points - about) @ turn.T
-
-
 def _symmetric_chains(chains, mirror):
-    """Whether every element has a mirror image with the same rest length and stiffness."""
+    """Whether every element has a mirror image with the same rest length, stiffness and sense."""
     for group in chains:
-        key = {tuple(sorted(n)): (l0, k) for n, l0, k in zip(group.nodes.tolist(), group.l0, group.k, strict=True)}
-        for nodes, l0, k in zip(group.nodes, group.l0, group.k, strict=True):
-            if key.get(tuple(sorted(mirror[nodes].tolist()))) != (l0, k):
-                return False
+        rows = mirror_rows(group.nodes, mirror, canonical_chains)
+        if np.any(rows < 0) or any(np.any(a != a[rows]) for a in (group.l0, group.k, group.two_way)):
+            return False
     return True

@@ -75,16 +75,27 @@ class Table:
         return f"{self.path.parent.name}/{self.path.name} row {self.lines[row]}"
 
 
+def _numbered(reader: Any) -> list[tuple[int, list[str]]]:
+    """The rows with content, each with the line of the file where it begins."""
+    rows, begin = [], 1
+    for row in reader:
+        if any(cell.strip() for cell in row):
+            rows.append((begin, row))
+        begin = reader.line_num + 1
+    return rows
+
+
 def read_table(path: Path, columns: dict[str, Callable[[str], Any]]) -> Table:
     """The named columns of a CSV file with a header row; raises `SceneError` for whatever does not fit."""
     label = f"{path.parent.name}/{path.name}"
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [(i, row) for i, row in enumerate(csv.reader(file, strict=True), start=1) if any(row)]
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = _numbered(csv.reader(file, strict=True))
     except FileNotFoundError:
         raise SceneError(f"{label} does not exist; add the file or correct its name in scene.toml.") from None
-    except (csv.Error, UnicodeDecodeError, OSError) as error:
-        raise SceneError(f"{label} is not a readable CSV file ({error}); save it as comma-separated UTF-8.") from None
+    except (csv.Error, ValueError, OSError) as error:  # Unicode errors and impossible names are ValueErrors
+        reason = " ".join(str(error).split())
+        raise SceneError(f"{label} is not a readable CSV file ({reason}); save it as comma-separated UTF-8.") from None
     if not rows:
         raise SceneError(f"{label} is empty; its first row must be: {','.join(columns)}.")
     header = [cell.strip() for cell in rows[0][1]]

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from .structural_core import rotated
+from .interface import rotated
 from .tables import SceneError
+from .variables import StepFailed
 
 # Scan step of the search for a sign change; pitching moment curves of kites have one stable zero within tens of
 # degrees.
@@ -38,7 +39,10 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
 
     def moment(angle: float) -> float:
         core.set("displacement", rotated(nodes, angle, about) - nodes)
-        core.step(0.0, 0.0)
+        try:
+            core.step(0.0, 0.0)
+        except StepFailed as error:
+            raise SceneError(f"{scene.name}: no trim angle can be found for this wind: {error}") from None
         arm = rotated(members.nodes, angle, about)[:, 0] - about[0]
         return float(core.get("moment")[1] + weight @ arm)
 

@@ -3,7 +3,7 @@
 from .assembly import Assembly
 from .chains import Chains, tensions
 from .statics import Equilibrium, equilibrium
-from .structure import Loads, Structure, mirror_permutation
+from .structure import Loads, Structure, canonical_chains, canonical_panels, mirror_permutation, mirror_rows
 from .surface import area_vectors, corner_shares, surface_forces, surface_forces_and_tangents
 
 __all__ = [
@@ -13,9 +13,12 @@ __all__ = [
     "Loads",
     "Structure",
     "area_vectors",
+    "canonical_chains",
+    "canonical_panels",
     "corner_shares",
     "equilibrium",
     "mirror_permutation",
+    "mirror_rows",
     "surface_forces",
     "surface_forces_and_tangents",
     "tensions",

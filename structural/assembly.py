@@ -6,13 +6,23 @@ import numpy as np
 import scipy.sparse as sp
 
 from .chains import Chains, chain_energy, chain_forces, chain_forces_and_tangents
-from .structure import Loads, Structure, Unknowns, unique_half, unknowns
+from .structure import (
+    Loads,
+    Structure,
+    Unknowns,
+    canonical_chains,
+    canonical_panels,
+    mirror_permutation,
+    mirror_rows,
+    unique_half,
+    unknowns,
+)
 from .surface import surface_forces, surface_forces_and_tangents
 
 
 def _dofs(nodes):
     """Dofs (e, 3m) of elements with nodes (e, m)."""
-    return (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
+    return (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 3 * nodes.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +50,11 @@ class Assembly:
             self._rows = [(np.arange(len(g)), np.ones(len(g))) for g in groups]
             panels = np.arange(len(structure.panels)), np.ones(len(structure.panels))
         else:
-            self._rows = unique_half(groups, mirror)
-            image = _surface_mirror(structure, mirror)
-            panels = unique_half([structure.panels], image)[0]
+            self._rows = [unique_half(mirror_rows(g, mirror, canonical_chains)) for g in groups]
+            image = mirror_permutation(structure.surface @ structure.nodes)
+            if image is None:
+                raise ValueError("the interface surface is not mirror-symmetric although the structure is")
+            panels = unique_half(mirror_rows(structure.panels, image, canonical_panels))
         self._panel_rows, self._panel_weight = panels
         self._corners = structure.panels[self._panel_rows]
         self._build_pattern()
@@ -168,13 +180,3 @@ class Assembly:
     def energy(self, x, chains):
         """Strain energy J of all chains at node positions x (n,3)."""
         return sum(chain_energy(x, c) for c in chains)
-
-
-def _surface_mirror(structure, mirror):
-    """Mirror permutation of the surface nodes that follows from that of the structural nodes."""
-    from .structure import mirror_permutation
-
-    image = mirror_permutation(structure.surface @ structure.nodes)
-    if image is None:
-        raise ValueError("the interface surface is not mirror-symmetric although the structure is")
-    return image

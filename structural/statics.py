@@ -12,7 +12,7 @@ from .structure import Loads
 # The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
 # nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
 SMALLEST_SHIFT = 1e-12
-# Stiffness that a dof without any gets in the shift, relative to that of the stiffest element.
+# Least stiffness of the shift, relative to that of the stiffest element, where all members are slack.
 SOFTEST = 1e-6
 # Steps refused one after the other, and cuts of one step, before giving up.
 MOST_REJECTIONS, MOST_CUTS = 30, 12
@@ -22,14 +22,15 @@ SHORT_STEPS, BURST = 3, 10
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, and the residual norms N met on the
-    way.
+    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N met on the way, and
+    in how many directions the converged equilibrium is unstable under its loads (0: it is stable).
     """
 
     x: np.ndarray
     status: str
     iterations: int
     residuals: tuple[float, ...]
+    unstable_modes: int = 0
 
     @property
     def converged(self):
@@ -59,7 +60,7 @@ def equilibrium(
 
     Whole Newton steps come first and are kept as long as each burst of them lowers the residual: that is all a warm
     start needs, and it is what stiff members need that turn by a large angle. Otherwise Newton on K + mu S goes on, S
-    the diagonal of K: the shift mu is tied to the residual and adapts to how well the step did (Levenberg-Marquardt;
+    the mean stiffness: the shift mu is tied to the residual and adapts to how well the step did (Levenberg-Marquardt;
     quadratic convergence at the end also with mechanisms), and a step is shortened until the out-of-balance force
     along it no longer grows. For tension-only members under dead loads that is a line search on a convex energy, and
     it needs no energy, so follower loads may take part. No step moves a node by more than `step_limit` m.
@@ -75,7 +76,8 @@ def equilibrium(
             better = solve.burst()
             short, patience = 0, SHORT_STEPS if better else 2 * patience
     x = assembly.unknowns.expand(solve.q)
-    return Equilibrium(x, solve.status, len(solve.norms) - 1, tuple(solve.norms))
+    unstable = solve.negative_pivots() if solve.status == "converged" else 0
+    return Equilibrium(x, solve.status, len(solve.norms) - 1, tuple(solve.norms), unstable)
 
 
 def rounding_force(chains):
@@ -114,8 +116,26 @@ class _Solve:
             return len(self.norms) > self.max_iterations
         return True
 
+    def negative_pivots(self):
+        """How many directions have negative stiffness: pivots below zero of the tangent, factorised symmetrically.
+
+        By Sylvester's law of inertia for a symmetric tangent; that of follower loads is nearly so.
+        """
+        if not len(self.q):
+            return 0
+        shifted = self.k.copy()
+        at = self.assembly.diagonal
+        shifted.data[at] += SMALLEST_SHIFT * max(self.softest / SOFTEST, np.abs(self.k.data[at]).max())
+        try:
+            factors = spla.splu(
+                shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+            )
+        except RuntimeError:  # exactly singular: a mechanism, neither stable nor unstable
+            return 0
+        return int(np.count_nonzero(factors.U.diagonal() < 0.0))
+
     def burst(self):
-        """Whole Newton steps, BURST at most; if they do not lower the residual, back to where they began and False."""
+        """Whole Newton steps, BURST at most; if they do not halve the residual, back to where they began and False."""
         before = self.q, (self.r, self.k, self.external)
         start = self.norm
         for _ in range(BURST):
@@ -124,7 +144,7 @@ class _Solve:
             self._accept(q, self.assembly.residual_and_tangent(q, self.prepared))
             if not np.isfinite(self.norm) or self.norm <= 0.1 * start or self.finished():
                 break
-        if self.norm < start:
+        if self.norm < 0.5 * start:
             self.damping = 0.0
             return True
         self.status = "max_iterations"
@@ -133,7 +153,7 @@ class _Solve:
 
     def guarded_step(self):
         """One shifted step, shortened as far as needed; the fraction taken, 0 where none would do."""
-        relative = min(self.norm / max(self.external, 1e-30), 1.0)
+        relative = min(self.norm / max(self.external, self.norms[0]), 1.0)
         step = self._step(max(self.damping * relative, SMALLEST_SHIFT))
         s, trial = self._along(step)
         if trial is None:
@@ -152,7 +172,7 @@ class _Solve:
         """Step of the shifted tangent within the step limit; the shift grows until it goes downhill (-r.d > 0)."""
         at = self.assembly.diagonal
         diagonal = np.abs(self.k.data[at])
-        scale = np.maximum(diagonal, max(self.softest, SOFTEST * diagonal.max()))
+        scale = max(self.softest, float(diagonal.mean()))
         while True:
             shifted = self.k.copy()
             shifted.data[at] += mu * scale

@@ -114,25 +114,34 @@ def unknowns(nodes, fixed, mirror=None):
     number[first] = np.arange(len(first))
     index = np.where(known, -1, number[master])
     base = np.where(known, nodes, 0.0)
-    if mirror is not None:
-        base[mirror == np.arange(n), 1] = np.where(
-            fixed[mirror == np.arange(n), 1], base[mirror == np.arange(n), 1], 0.0
-        )
     shares = np.bincount(index[index >= 0].reshape(-1), minlength=len(first))
     return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first, shares)
 
 
-def unique_half(groups, mirror):
-    """Rows of each group of node tuples (e,m) that remain under mirror symmetry, and how often each counts (1 or 2).
+def canonical_chains(nodes):
+    """Chain nodes (e,m) read from the end with the smaller index, so that a rope and its reverse are one."""
+    return np.where((nodes[:, :1] <= nodes[:, -1:]), nodes, nodes[:, ::-1])
 
-    An element and its image are one; the image may list its nodes in any rotation or in reverse.
-    """
-    kept = []
-    for nodes in groups:
-        key = np.sort(nodes, axis=1)
-        image = np.sort(mirror[nodes], axis=1)
-        self_image = np.all(key == image, axis=1)
-        smaller = np.array([tuple(a) <= tuple(b) for a, b in zip(key, image, strict=True)], dtype=bool)
-        rows = np.flatnonzero(smaller)
-        kept.append((rows, np.where(self_image[rows], 1.0, 2.0)))
-    return kept
+
+def canonical_panels(nodes):
+    """Panel nodes (p,4) in rising order, so that a panel may begin at any corner and run either way round."""
+    return np.sort(nodes, axis=1)
+
+
+def mirror_rows(nodes, mirror, canonical):
+    """Row of the mirror image of each element (e,) with `nodes` (e,m), -1 where there is none; twins pair in order."""
+    places: dict[tuple[int, ...], list[int]] = {}
+    for row, key in enumerate(map(tuple, canonical(nodes).tolist())):
+        places.setdefault(key, []).append(row)
+    rows, taken = [], dict.fromkeys(places, 0)
+    for key in map(tuple, canonical(mirror[nodes]).tolist()):
+        nth = taken.get(key, 0)
+        rows.append(places[key][nth] if nth < len(places.get(key, ())) else -1)
+        taken[key] = nth + 1
+    return np.array(rows, dtype=int)
+
+
+def unique_half(images):
+    """Rows of the elements that stay under mirror symmetry, and how often each counts (1 or 2), from `mirror_rows`."""
+    rows = np.flatnonzero(np.arange(len(images)) <= images)
+    return rows, np.where(images[rows] == rows, 1.0, 2.0)

@@ -1,5 +1,7 @@
 """Newton on the circulation: Jacobian, symmetry, starts, and what it says about itself beyond stall."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -47,8 +49,9 @@ def test_the_jacobian_is_the_derivative_of_the_imbalance_at_100_deformed_wings_s
     for flow, gamma, h in random_states(100, 9, induction):
         _, state = flow.imbalance(gamma)
         exact = flow.jacobian(state)
-        differences = [(flow.imbalance(gamma + h * e)[0] - flow.imbalance(gamma - h * e)[0]) / (2 * h) for e in np.eye(9)]
-        # rounding 1e-16 gamma / h = 1e-10; the cubic term h^2 F''' / 6 is 2e-8 at most here (2e-6 with ten times the step)
+        steps = [(gamma + h * e, gamma - h * e) for e in np.eye(9)]
+        differences = [(flow.imbalance(a)[0] - flow.imbalance(b)[0]) / (2.0 * h) for a, b in steps]
+        # rounding 1e-16 gamma / h = 1e-10; the cubic term h^2 F''' / 6 is 2e-8 here (2e-6 with ten times the step)
         np.testing.assert_allclose(exact, np.array(differences).T, rtol=0, atol=1e-6 * np.abs(exact).max())
         stalled += np.any(state[6] < 0.0)
         beyond += np.any(state[7])
@@ -97,7 +100,7 @@ def test_newton_converges_quadratically_on_an_attached_wing():
         f, state = flow.imbalance(gamma)
         gamma = gamma - np.linalg.solve(flow.jacobian(state), f)
     # e_(k+1) = C e_k^2 with a C that settles at about 0.01 s/m^2: from 20 m^2/s to rounding in three Newton iterations
-    ratios = [after / before**2 for before, after in zip(errors, errors[1:], strict=False) if after > 1e-10]
+    ratios = [after / before**2 for before, after in pairwise(errors) if after > 1e-10]
     assert len(ratios) >= 2
     assert max(ratios) < 0.05  # five times the value it settles at
 
@@ -116,7 +119,7 @@ def test_the_attached_start_solves_a_wing_of_linear_polars_to_second_order_in_th
 def flat_nodes(strips, span=8.0, chord=1.0):
     y = np.linspace(-0.5 * span, 0.5 * span, strips + 1)
     edge = np.stack([0 * y, y, 0 * y], axis=1)
-    aft = edge + [chord, 0.0, 0.0]
+    aft = edge + np.array([chord, 0.0, 0.0])
     return np.stack([edge, 0.5 * (edge + aft), aft], axis=1).reshape(-1, 3)
 
 

@@ -33,9 +33,8 @@ def test_panel_forces_add_up_to_the_section_force_and_moment_of_every_strip_of_w
         stated = np.cross(loads.point, loads.force) + loads.moment
         # conservation to 1e-10 of the largest strip force (about 300 N) and its arm of 4 m: rounding is 1e-14 of it
         size = np.abs(loads.force).max()
-        if wing.section_force == "lift-drag":
-            np.testing.assert_allclose(force, loads.force, rtol=0, atol=1e-10 * size)
-            np.testing.assert_allclose(moment, stated, rtol=0, atol=4e-10 * size)
+        np.testing.assert_allclose(force, loads.force, rtol=0, atol=1e-10 * size)
+        np.testing.assert_allclose(moment, stated, rtol=0, atol=4e-10 * size)
         np.testing.assert_allclose(force.sum(axis=0), loads.total_force(), rtol=0, atol=1e-9 * size)
         np.testing.assert_allclose(moment.sum(axis=0), loads.total_moment(np.zeros(3)), rtol=0, atol=4e-9 * size)
 
@@ -52,7 +51,8 @@ def test_the_force_is_the_polars_and_the_couple_its_pitching_moment():
     np.testing.assert_allclose(np.linalg.norm(loads.moment, axis=1), np.abs(q_area * s.chord * cm), rtol=1e-12)
     # nose-up: the couple turns about the span from the left to the right tip where cm > 0
     np.testing.assert_array_equal(np.sign(np.einsum("ij,ij->i", loads.moment, s.span)), np.sign(cm))
-    np.testing.assert_allclose(c.gamma, 0.5 * s.chord * c.speed * cl, atol=1e-9)  # Kutta-Joukowski; solved to 1e-12 of 12
+    # Kutta-Joukowski; solved to 1e-12 of 12 m^2/s
+    np.testing.assert_allclose(c.gamma, 0.5 * s.chord * c.speed * cl, atol=1e-9)
 
 
 def test_on_flat_panels_the_force_acts_at_the_quarter_chord():
@@ -87,7 +87,8 @@ def test_follow_moves_the_normal_part_of_the_force_into_pressure_and_changes_not
     np.testing.assert_allclose(
         a.pressure[:, None] * area + a.shear * size, b.pressure[:, None] * area + b.shear * size, rtol=0, atol=1e-11
     )  # the same panel forces, N of 100, to rounding
-    np.testing.assert_allclose(np.einsum("pk,pk->p", b.shear, area), 0.0, atol=1e-11)  # only tangential traction is left
+    # only tangential traction is left
+    np.testing.assert_allclose(np.einsum("pk,pk->p", b.shear, area), 0.0, atol=1e-11)
 
 
 def test_centroids_are_those_of_the_bilinear_panels():

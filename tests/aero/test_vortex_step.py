@@ -13,7 +13,7 @@ MODES = [{"direction": "bound"}, {"direction": "control"}, {"induction": False},
 def flat_nodes(strips, span, chord):
     y = np.linspace(-0.5 * span, 0.5 * span, strips + 1)
     edge = np.stack([0.0 * y, y, 0.0 * y], axis=1)
-    return nodes_of(edge, edge + [chord, 0.0, 0.0])
+    return nodes_of(edge, edge + np.array([chord, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize("axis", AXES)
@@ -85,7 +85,9 @@ def test_sweep_in_strip_theory_follows_the_cosine_rule():
     for sweep in (0.0, 0.3, 0.6):
         y = np.linspace(-3.0, 3.0, 7)
         edge = np.stack([np.tan(sweep) * y, y, 0.0 * y], axis=1)
-        loads = linear_wing(6, induction=False).loads(nodes_of(edge, edge + [chord, 0.0, 0.0]), wind(alpha, 10.0))
+        loads = linear_wing(6, induction=False).loads(
+            nodes_of(edge, edge + np.array([chord, 0.0, 0.0])), wind(alpha, 10.0)
+        )
         lift = loads.total_force()[2] / (0.5 * 1.225 * 100.0 * 6.0 * chord)
         assert lift == pytest.approx(2.0 * np.pi * alpha * np.cos(sweep), rel=1e-6)  # next order alpha^2
 
@@ -114,7 +116,7 @@ def test_control_points_lie_half_way_on_equal_strips_and_near_the_half_angle_on_
         error = np.abs(control_fractions(np.diff(edges)) - exact)
         tip.append(error.max())
         inner.append(error[n // 4])
-    # van Garrel's weights are second-order or better inside; next to the tip, where widths are as 1 : 3 : 5, they give 13/32 for 5/12
+    # second-order or better inside; next to the tip (widths 1 : 3 : 5) van Garrel's weights give 13/32 for 5/12
     np.testing.assert_allclose(tip[-1], 5.0 / 12.0 - 13.0 / 32.0, rtol=0.01)  # (pi / 48)^2 = 0.004 from that limit
     assert inner[0] / inner[2] > 16.0  # (h / h')^2
 

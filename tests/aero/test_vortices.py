@@ -84,8 +84,9 @@ def test_the_core_makes_velocity_fall_linearly_inside_and_leaves_it_alone_outsid
     zero = np.zeros(1)
     # h^2 / sqrt(h^4 + core^4): exactly 1 / sqrt 2 on the core radius
     assert speed(0.1, core) / speed(0.1, zero) == pytest.approx(np.sqrt(0.5), rel=1e-12)
-    assert 1.0 - speed(1.0, core) / speed(1.0, zero) == pytest.approx(0.5e-4, rel=1e-3)  # (core/h)^4 / 2, next term 1e-4
-    assert speed(1e-4, core) == pytest.approx(speed(1e-4, zero) * 1e-8 / 1e-2, rel=1e-6)  # h^2 / core^2, next (h/core)^4
+    # far outside (core / h)^4 / 2 is missing, next term 1e-4 of that; deep inside h^2 / core^2, next (h / core)^4
+    assert 1.0 - speed(1.0, core) / speed(1.0, zero) == pytest.approx(0.5e-4, rel=1e-3)
+    assert speed(1e-4, core) == pytest.approx(speed(1e-4, zero) * 1e-8 / 1e-2, rel=1e-6)
     assert speed(0.0, core) == 0.0  # on the line itself
 
 

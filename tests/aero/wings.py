@@ -19,7 +19,7 @@ def nodes_of(leading_edge, trailing_edge):
 
 
 def arched_nodes(strips, noise=0.0, rng=None):
-    """An arched, swept and twisted wing of about 8 m span and 2 m chord, symmetric in y; `noise` (m) warps every node."""
+    """An arched, swept, twisted wing of about 6.4 m span and 2 m chord, symmetric in y; `noise` (m) warps all nodes."""
     s = np.linspace(-1.0, 1.0, strips + 1)
     arc = 1.1 * s
     le = np.stack([0.9 * s**2, 3.6 * np.sin(arc), 3.6 * np.cos(arc)], axis=1)

@@ -8,7 +8,6 @@ import pytest
 from typer.testing import CliRunner
 
 from master.cli import app
-
 from tests.scenes.broken import copy_of, edited
 
 
@@ -53,8 +52,8 @@ WORDS = {
     "setting out of range": (["v3_kite", *_set("panels_per_section=0")], ["panels_per_section"]),
     "parameter of another scene": (["typical_section", *_set("power_tape_length=3")], ["power_tape_length"]),
     "tape of no length": (["v3_kite", *_set("power_tape_length=0")], ["power_tape_length"]),
-    "hurricane": (["v3_kite", *_set("wind_speed=1e200")], ["wind_speed"]),
-    "air of lead": (["v3_kite", *_set("air_density=1e308")], ["air_density"]),
+    "hurricane": (["v3_kite", *_set("wind_speed=1e200")], ["wind"]),
+    "air of lead": (["v3_kite", *_set("air_density=1e308")], ["air"]),
     "cross wind only": (["v3_kite", *_set("wind_direction=0,1,0")], ["wind"]),
     "tolerance zero": (["v3_kite", "--tolerance", "0"], ["--tolerance"]),
     "tolerance NaN": (["v3_kite", "--tolerance", "nan"], ["--tolerance"]),
@@ -69,10 +68,7 @@ WORDS = {
 @pytest.mark.parametrize("backend", ["in-process", "fmu"])
 def test_bad_run_is_refused_before_anything_is_written(wrong, backend, tmp_path):
     arguments, words = WORDS[wrong]
-    if "--backend" in arguments:
-        given = arguments
-    else:
-        given = [*arguments, "--backend", backend]
+    given = arguments if "--backend" in arguments else [*arguments, "--backend", backend]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         line = _refused(["run", *given], tmp_path / "out")
@@ -80,7 +76,9 @@ def test_bad_run_is_refused_before_anything_is_written(wrong, backend, tmp_path)
         assert word in line
 
 
-@pytest.mark.parametrize("wrong", [w for w, (a, _) in WORDS.items() if not {"--scheme", "--backend"} & set(a) and "--set" in a])
+@pytest.mark.parametrize(
+    "wrong", [w for w, (a, _) in WORDS.items() if not {"--scheme", "--backend"} & set(a) and "--set" in a]
+)
 def test_bad_build_is_refused_before_anything_is_written(wrong, tmp_path):
     arguments, words = WORDS[wrong]
     line = _refused(["build", *arguments], tmp_path / "out")
@@ -98,14 +96,26 @@ def test_broken_scene_folder_is_refused(tmp_path):
 
 def test_results_folder_that_is_a_file_is_refused(tmp_path):
     (tmp_path / "out").write_text("keep me")
-    result = CliRunner().invoke(app, ["run", "typical_section", "--backend", "in-process", "--out", str(tmp_path / "out")])
+    result = CliRunner().invoke(
+        app, ["run", "typical_section", "--backend", "in-process", "--out", str(tmp_path / "out")]
+    )
     assert result.exit_code == 2
     assert len(result.stderr.strip().splitlines()) == 1
     assert (tmp_path / "out").read_text() == "keep me"
 
 
 def test_whole_process_ends_with_code_2_and_one_line(tmp_path):
-    command = [sys.executable, "-m", "master", "run", "v3_kite", "--set", "wind_speed=0", "--out", str(tmp_path / "out")]
+    command = [
+        sys.executable,
+        "-m",
+        "master",
+        "run",
+        "v3_kite",
+        "--set",
+        "wind_speed=0",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stdout == ""

@@ -5,7 +5,6 @@ import shutil
 import pytest
 
 import scenes
-
 from tests.scenes.broken import built, copy_of, edited
 
 TOML = "scene.toml"
@@ -59,7 +58,10 @@ TABLES = {
     "NaN": (_replaced("nodes.csv", "-0.16686417", "nan"), ["nodes.csv row 3", "x_m", "'nan'"]),
     "infinity": (_replaced("nodes.csv", "-0.16686417", "-inf"), ["nodes.csv row 3", "x_m", "'-inf'"]),
     "number that overflows": (_replaced("nodes.csv", "-0.16686417", "1e999"), ["nodes.csv row 3", "x_m"]),
-    "negative stiffness": (_replaced("springs.csv", ",2000.0,", ",-2000.0,"), ["springs.csv row 2", "stiffness_N_per_m"]),
+    "negative stiffness": (
+        _replaced("springs.csv", ",2000.0,", ",-2000.0,"),
+        ["springs.csv row 2", "stiffness_N_per_m"],
+    ),
     "zero diameter": (_replaced("lines.csv", "2.782,0.002", "2.782,0"), ["lines.csv row 3", "diameter_m"]),
     "negative rest length": (_replaced("lines.csv", "2.782", "-2.782"), ["lines.csv row 3", "rest_length_m"]),
     "negative mass": (_replaced("masses.csv", "8.4", "-8.4"), ["masses.csv row 2", "mass_kg"]),
@@ -68,8 +70,11 @@ TABLES = {
     "too few cells": (_replaced("struts.csv", "5,11,12", "5,11"), ["struts.csv row 6", "2 cells"]),
     "too many cells": (_replaced("struts.csv", "5,11,12", "5,11,12,13"), ["struts.csv row 6", "4 cells"]),
     "struts out of order": (
-        lambda f: (edited(f, "struts.csv", "1,19,20", "1,x"), edited(f, "struts.csv", "2,17,18", "2,19,20"),
-                   edited(f, "struts.csv", "1,x", "1,17,18")),
+        lambda f: (
+            edited(f, "struts.csv", "1,19,20", "1,x"),
+            edited(f, "struts.csv", "2,17,18", "2,19,20"),
+            edited(f, "struts.csv", "1,x", "1,17,18"),
+        ),
         ["struts.csv row 3", "left tip"],
     ),
     "strut without chord": (_replaced("struts.csv", "5,11,12", "5,11,11"), ["struts.csv row 6"]),
@@ -86,7 +91,10 @@ TABLES = {
     ),
     "unclosed quote": (_replaced("lines.csv", "AI_right,", '"AI_right,'), ["lines.csv"]),
     "text after a quote": (_replaced("lines.csv", "AI_right,", '"AI"_right,'), ["lines.csv"]),
-    "semicolons": (lambda f: (f / "nodes.csv").write_text((f / "nodes.csv").read_text().replace(",", ";")), ["nodes.csv row 1"]),
+    "semicolons": (
+        lambda f: (f / "nodes.csv").write_text((f / "nodes.csv").read_text().replace(",", ";")),
+        ["nodes.csv row 1"],
+    ),
     "empty table": (_rewritten("lines.csv", b""), ["lines.csv is empty"]),
     "blank table": (_rewritten("lines.csv", b"\n \n\n"), ["lines.csv"]),
     "header only": (_rewritten("lines.csv", b"name,nodes,rest_length_m,diameter_m\n"), ["lines.csv", "no rows"]),
@@ -96,7 +104,7 @@ TABLES = {
 } | {
     f"no {table}": (_removed(table), [table, "does not exist"])
     for table in ("nodes.csv", "springs.csv", "lines.csv", "masses.csv", "struts.csv", "sections.csv", "polars.csv")
-}  # fmt: skip
+}
 
 DESCRIPTION = {
     "broken TOML": (_replaced(TOML, "[wing]", "[wing"), ["line"]),
@@ -123,14 +131,22 @@ DESCRIPTION = {
     "wind in two dimensions": (_replaced(TOML, "[1.0, 0.0, 0.0]", "[1.0, 0.0]"), ["wind_direction"]),
     "wind in words": (_replaced(TOML, "[1.0, 0.0, 0.0]", '["east", 0.0, 0.0]'), ["wind_direction"]),
     "wind nested": (_replaced(TOML, "[1.0, 0.0, 0.0]", "[[1.0], [0.0, 0.0]]"), ["wind_direction"]),
-    "default of a setting out of its range": (_replaced(TOML, "default = 1\n", "default = 0\n"), ["panels_per_section"]),
+    "default of a setting out of its range": (
+        _replaced(TOML, "default = 1\n", "default = 0\n"),
+        ["panels_per_section"],
+    ),
     "default that is no option": (_replaced(TOML, 'default = "structural"', 'default = "curved"'), ["chord", "curved"]),
     "setting without default": (_appended(TOML, '\n[settings.sail]\ndescription = "x"\n'), ["settings"]),
 }
 for _key, _old in {
-    "line_modulus": "0.55e9  # Pa", "line_density": "724.0", "gravity": "9.81", "wind_speed": "12.0", "air_density": "1.225",
-    "reference_area": "19.753", "lowest_deg": "-5.0",
-}.items():  # fmt: skip
+    "line_modulus": "0.55e9  # Pa",
+    "line_density": "724.0",
+    "gravity": "9.81",
+    "wind_speed": "12.0",
+    "air_density": "1.225",
+    "reference_area": "19.753",
+    "lowest_deg": "-5.0",
+}.items():
     _bad = {"nan": "nan", "inf": "inf", "text": '"much"', "true": "true", "list": "[1.0]"}
     if _key in ("line_modulus", "wind_speed", "air_density", "reference_area"):
         _bad |= {"0": "0", "negative": "-1.0"}
@@ -147,10 +163,16 @@ PLACES = {
     "structure": ("typical_section", None, "structure = {}\n"),
     "settings": ("typical_section", None, "settings = {}\n"),
     "variants": ("typical_section", None, "variants = {}\n[settings.variant]\ndefault = 'divergent'\n"),
-    "variants.divergent": ("typical_section", '[variants.divergent.structure]\nsprings = "springs_divergent.csv"',
-                           "[variants]\ndivergent = {}"),
-    "variants.divergent.structure": ("typical_section", '[variants.divergent.structure]\nsprings = "springs_divergent.csv"',
-                                     "[variants.divergent]\nstructure = {}"),
+    "variants.divergent": (
+        "typical_section",
+        '[variants.divergent.structure]\nsprings = "springs_divergent.csv"',
+        "[variants]\ndivergent = {}",
+    ),
+    "variants.divergent.structure": (
+        "typical_section",
+        '[variants.divergent.structure]\nsprings = "springs_divergent.csv"',
+        "[variants.divergent]\nstructure = {}",
+    ),
     "default of variant": ("typical_section", 'default = "divergent"', "default = {}"),
     "default of panels": ("v3_kite", "default = 1\n", "default = {}\n"),
     "minimum of panels": ("v3_kite", "minimum = 1\n", "minimum = {}\n"),
@@ -163,17 +185,25 @@ PLACES = {
     "power_tape_length": ("v3_kite", '["power_tape"]', "{}"),
     "direction": ("v3_kite", 'direction = "control"', "direction = {}"),
     "wind_direction": ("v3_kite", "[1.0, 0.0, 0.0]", "{}"),
-    "wing": ("v3_kite", '[wing]\nstruts = "struts.csv"\nsections = "sections.csv"\npolars = "polars.csv"', "[wing]\nstruts = {}"),
+    "wing": (
+        "v3_kite",
+        '[wing]\nstruts = "struts.csv"\nsections = "sections.csv"\npolars = "polars.csv"',
+        "[wing]\nstruts = {}",
+    ),
     "induction": ("v3_kite", "induction = true", "induction = {}"),
-}  # fmt: skip
+}
+
+
+def _used(folder, settings, trim):
+    scene, _, _ = built(folder, settings)
+    if trim:
+        scene.trim_angle()
 
 
 def _refused(folder, settings=None, trim=False):
     """The message with which a scene is refused, after the checks that all messages must pass."""
     with pytest.raises(scenes.SceneError) as caught:
-        scene, _, _ = built(folder, settings)
-        if trim:
-            scene.trim_angle()
+        _used(folder, settings, trim)
     message = str(caught.value)
     assert "\n" not in message
     assert message.endswith(".")
@@ -244,7 +274,9 @@ def test_unknown_variant_is_refused():
     assert "restoring" in _refused("typical_section", {"variant": "plain"})
 
 
-@pytest.mark.parametrize("kind", ["1.5", "true", "[1]", "{a = 1}", "1979-05-27"], ids=["number", "bool", "list", "table", "date"])
+@pytest.mark.parametrize(
+    "kind", ["1.5", "true", "[1]", "{a = 1}", "1979-05-27"], ids=["number", "bool", "list", "table", "date"]
+)
 def test_text_for_a_setting_of_another_kind_is_refused(kind, tmp_path):
     folder = copy_of("v3_kite", tmp_path)
     _appended(TOML, f"\n[settings.sail]\ndefault = {kind}\n")(folder)

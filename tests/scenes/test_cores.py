@@ -5,7 +5,6 @@ import pytest
 
 import scenes
 from scenes import aero_core, structural_core
-
 from tests.scenes.broken import copy_of, edited
 
 SCENES = ["typical_section", "v3_kite"]

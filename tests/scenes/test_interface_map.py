@@ -10,8 +10,10 @@ from structural import Assembly, Chains, Loads, Structure, surface_forces
 
 CASES = [("v3_kite", {"chord": c, "panels_per_section": n}) for c in ("structural", "design") for n in (1, 2, 3, 5)]
 CASES += [("typical_section", {"panels_per_section": 3})]
-TURNS = [Rotation.identity()] + [Rotation.from_rotvec(np.deg2rad(30.0) * np.array(a) / np.linalg.norm(a)) for a in
-                                 ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, -2, 0.5])]  # fmt: skip
+TURNS = [Rotation.identity()] + [
+    Rotation.from_rotvec(np.deg2rad(30.0) * np.array(a) / np.linalg.norm(a))
+    for a in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, -2, 0.5])
+]
 
 
 def _nodal_forces(scene, x, pressure, shear):
@@ -24,7 +26,9 @@ def _nodal_forces(scene, x, pressure, shear):
     return -r.reshape(-1, 3)
 
 
-@pytest.mark.parametrize(("name", "settings"), CASES, ids=lambda c: c if isinstance(c, str) else "-".join(map(str, c.values())))
+@pytest.mark.parametrize(
+    ("name", "settings"), CASES, ids=lambda c: c if isinstance(c, str) else "-".join(map(str, c.values()))
+)
 @pytest.mark.parametrize("turn", range(len(TURNS)), ids=["at rest", "x", "y", "z", "skew"])
 def test_force_moment_and_virtual_work_pass_the_map_unchanged(name, settings, turn):
     scene = scenes.load(name, settings)
@@ -46,16 +50,20 @@ def test_force_moment_and_virtual_work_pass_the_map_unchanged(name, settings, tu
     assert abs(np.sum(move * on_nodes) - work) <= 5.0 * size
 
 
-@pytest.mark.parametrize(("name", "settings"), CASES, ids=lambda c: c if isinstance(c, str) else "-".join(map(str, c.values())))
+@pytest.mark.parametrize(
+    ("name", "settings"), CASES, ids=lambda c: c if isinstance(c, str) else "-".join(map(str, c.values()))
+)
 def test_interface_moves_rigidly_with_a_rigid_structure(name, settings):
     scene = scenes.load(name, settings)
-    i = scene.interface
+    i, shift = scene.interface, np.array([1.0, -2.0, 3.0])
     for turn in TURNS:
-        x = turn.apply(scene.members.nodes) + [1.0, -2.0, 3.0]
-        assert np.abs(i.weights @ x - (turn.apply(i.nodes) + [1.0, -2.0, 3.0])).max() <= 1e-13 * 20.0  # rounding at 20 m
+        x = turn.apply(scene.members.nodes) + shift
+        assert np.abs(i.weights @ x - (turn.apply(i.nodes) + shift)).max() <= 1e-13 * 20.0  # rounding at 20 m
 
 
-@pytest.mark.parametrize(("name", "settings"), CASES, ids=lambda c: c if isinstance(c, str) else "-".join(map(str, c.values())))
+@pytest.mark.parametrize(
+    ("name", "settings"), CASES, ids=lambda c: c if isinstance(c, str) else "-".join(map(str, c.values()))
+)
 def test_pressure_on_the_structure_turns_with_it_and_shear_does_not(name, settings):
     scene = scenes.load(name, settings)
     rng = np.random.default_rng(1)

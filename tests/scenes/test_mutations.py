@@ -6,17 +6,43 @@ import numpy as np
 import pytest
 
 import scenes
-
 from tests.scenes.broken import BUILT_IN, built, copy_of
 
 TOKENS = [
-    b"nan", b"-1", b"0", b"1e308", b"1e-320", b"9" * 400, b'"', b"'", b",", b"\n", b"\r", b"\x00", b"\xff", b"[", b"]", b"{", b"}", b"=",
-    b"true", b"#", b" ", b"\xc2\xa0", b"\xe2\x82\xac", b"1979-05-27", b"[settings.x]\n", b"default = 1\n", b"inf", b".", b"",
-]  # fmt: skip
+    b"nan",
+    b"-1",
+    b"0",
+    b"1e308",
+    b"1e-320",
+    b"9" * 400,
+    b'"',
+    b"'",
+    b",",
+    b"\n",
+    b"\r",
+    b"\x00",
+    b"\xff",
+    b"[",
+    b"]",
+    b"{",
+    b"}",
+    b"=",
+    b"true",
+    b"#",
+    b" ",
+    b"\xc2\xa0",
+    b"\xe2\x82\xac",
+    b"1979-05-27",
+    b"[settings.x]\n",
+    b"default = 1\n",
+    b"inf",
+    b".",
+    b"",
+]
 
 
 def _damaged(rng, content):
-    """Content with one to three random changes: bytes or words replaced, inserted, removed; rows dropped, doubled, swapped."""
+    """Content with one to three random changes: bytes or words replaced, inserted, removed; rows doubled, swapped."""
     for _ in range(rng.integers(1, 4)):
         kind = rng.integers(6)
         at = int(rng.integers(len(content) + 1))
@@ -58,10 +84,11 @@ def test_damaged_file_is_read_or_refused_in_one_sentence(scene, file, count, tmp
         content = _damaged(rng, intact)
         (folder / file).write_bytes(content)
         try:
-            _, structure, _ = built(folder)
+            _, structure, _ = built(folder, {"variant": "restoring"} if "restoring" in file else None)
         except scenes.SceneError as error:
             refused += 1
-            assert "\n" not in str(error)
+            if "\n" in str(error):
+                pytest.fail(f"more than one line: {error}")
         except Exception as error:
             kept = tmp_path / f"{n}-{file}"
             shutil.copy(folder / file, kept)

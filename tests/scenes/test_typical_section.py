@@ -23,10 +23,11 @@ def test_supports_have_the_stiffness_of_a_plunge_and_a_pitch_spring(variant, axi
 @pytest.mark.parametrize("variant", ["divergent", "restoring"])
 @pytest.mark.parametrize("pressures", [(30.0, 30.0), (50.0, 10.0), (-20.0, 40.0)])
 def test_plate_twists_and_plunges_as_two_springs_say(variant, pressures):
-    """Front and rear panel each 0.5 m2, pressures p1, p2: F = (p1 + p2)/2, M about the leading edge from the panel means.
+    """A rigid plate on zero-length springs under pressures p1, p2 on its front and rear half (0.5 m2 each).
 
-    Zero-length supports of the same stiffness in all directions: the plate turns by theta about y with
-    sum_i k_i x_i x (turned) balance k_f z_f + k_r z_r = F cos, exactly solvable for a follower load normal to the plate.
+    Zero-length springs pull with k times the distance in any direction, so that turning the plate by theta about
+    its elastic axis takes (sum k_i x_i^2) sin(theta), while the load, normal to the plate, keeps its moment about that
+    axis: theta is an arcsine, and the axis moves by F / sum k_i along the turned normal.
     """
     core = scenes.load("typical_section", {"variant": variant}).structural_core()
     panels = core.get("pressure").size
@@ -36,8 +37,6 @@ def test_plate_twists_and_plunges_as_two_springs_say(variant, pressures):
     force = 0.5 * sum(pressures)
     arm = 0.5 * (0.25 * pressures[0] + 0.75 * pressures[1])  # moment about the leading edge per unit cos: N m
     axis = rear / (front + rear)
-    # Turning a body on zero-length springs by theta about its elastic axis takes kp sin(theta), kp as at rest, because
-    # the anchors stay: moment = sum k_i x_i^2 sin(theta). The load is normal to the plate, its moment about the axis fixed.
     stiffness = front * axis**2 + rear * (1.0 - axis) ** 2
     theta = np.arcsin((force * axis - arm) / stiffness)
     x = core.get("position")

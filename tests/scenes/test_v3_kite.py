@@ -57,7 +57,11 @@ def test_line_stiffness_is_modulus_times_area_over_rest_length(kite):
     names = list(m.names)
     k = np.concatenate([c.k for c in m.chains])
     l0 = np.concatenate([c.l0 for c in m.chains])
-    for name, length, diameter in (("power_tape", 3.129, 0.002), ("amain_left", 4.297, 0.005), ("a6_right", 11.372, 0.002)):
+    for name, length, diameter in (
+        ("power_tape", 3.129, 0.002),
+        ("amain_left", 4.297, 0.005),
+        ("a6_right", 11.372, 0.002),
+    ):
         i = names.index(name)
         assert l0[i] == length
         assert k[i] == pytest.approx(0.55e9 * np.pi * diameter**2 / 4.0 / length, rel=1e-14)

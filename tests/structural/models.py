@@ -7,12 +7,12 @@ from structural import Chains, Loads, Structure
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 
-# Step of central differences on coordinates of about 1 m. Truncation is h^2 f'''/6, about 1e-12 of the tangent on members
-# of 1 m, rounding eps f / h, about 1e-10 of it; both leave the 1e-6 that is asked for a wide margin, also on members of
-# 0.1 m, where truncation grows a hundredfold.
+# Step of central differences on coordinates of about 1 m. Truncation is h^2 f'''/6, about 1e-12 of the tangent on
+# members of 1 m, rounding eps f / h, about 1e-10 of it; both leave the 1e-6 that is asked for a wide margin, also on
+# members of 0.1 m, where truncation grows a hundredfold.
 STEP = 1e-6
 # Moving one unknown by h moves at most both ends of a leg and both neighbours of a sheave: a rope changes by less than
-# this many steps, so a state whose stretches all lie further from zero does not meet the slack kink between its samples.
+# this many steps, so a state whose stretches all lie further from zero meets no slack kink between its samples.
 KINK = 8.0 * STEP
 TANGENT_TOLERANCE = 1e-6  # asked for by the issue; relative to the largest entry of the tangent
 
@@ -31,8 +31,12 @@ def chains(nodes, l0, k, two_way=False):
     """Chains with the same stiffness and kind for all elements, names left out."""
     nodes = np.atleast_2d(nodes)
     e = len(nodes)
-    return Chains(nodes, np.broadcast_to(l0, e).astype(float), np.broadcast_to(k, e).astype(float),
-                  np.broadcast_to(two_way, e).copy())  # fmt: skip
+    return Chains(
+        nodes,
+        np.broadcast_to(l0, e).astype(float),
+        np.broadcast_to(k, e).astype(float),
+        np.broadcast_to(two_way, e).copy(),
+    )
 
 
 def structure(nodes, fixed, groups, surface=None, panels=None):
@@ -142,4 +146,3 @@ def saddle(g, ratio, two_way):
     springs = np.concatenate([np.stack([centre, (i + a) * g + j + b], axis=1) for a in (0, 1) for b in (0, 1)])
     net = chains(springs, ratio * lengths(nodes, springs), 10.0, two_way)
     return structure(nodes, edge, [net])
-

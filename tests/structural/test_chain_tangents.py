@@ -5,7 +5,6 @@ import pytest
 
 from structural import tensions
 from structural.chains import Chains, chain_energy, chain_forces, chain_forces_and_tangents
-
 from tests.structural.models import KINK, TANGENT_TOLERANCE, central_difference, chains, clear_of_kinks, lengths
 
 
@@ -58,7 +57,9 @@ def test_tangent_of_a_tight_tension_only_chain_has_no_negative_stiffness(nodes):
     for _ in range(100):
         x, c = _random_chain(rng, nodes, 0.7, False)
         _, tangent = chain_forces_and_tangents(x, c)
-        assert np.linalg.eigvalsh(tangent[0]).min() >= -1e-11 * np.abs(tangent).max()  # eigenvalues to eps ||K||, zero exactly
+        assert (
+            np.linalg.eigvalsh(tangent[0]).min() >= -1e-11 * np.abs(tangent).max()
+        )  # eigenvalues to eps ||K||, zero exactly
 
 
 @pytest.mark.parametrize("nodes", [2, 3, 4])

@@ -7,7 +7,6 @@ import scipy.sparse.linalg as spla
 from scipy.optimize import brentq
 
 from structural import Assembly, Loads, equilibrium, tensions
-
 from tests.structural.models import chains, dead, saddle, structure
 
 
@@ -29,7 +28,9 @@ def _weights(n, **of_node):
 def test_weight_hangs_at_rest_length_plus_weight_over_stiffness(two_way, start):
     s = structure([[0, 0, 0], [0, 0, -start]], [True, False], [chains([0, 1], 1.0, 500.0, two_way)])
     result = _solve(s, _weights(2, n1=20.0), atol=1e-9)
-    assert result.x[1] == pytest.approx([0.0, 0.0, -1.0 - 20.0 / 500.0], abs=1e-9 / 20.0)  # softest stiffness: 20 N / 1 m
+    assert result.x[1] == pytest.approx(
+        [0.0, 0.0, -1.0 - 20.0 / 500.0], abs=1e-9 / 20.0
+    )  # softest stiffness: 20 N / 1 m
 
 
 def test_line_cannot_push_but_spring_can():
@@ -42,7 +43,9 @@ def test_line_cannot_push_but_spring_can():
 @pytest.mark.parametrize("stiffness", [200.0, 1e4, 1e7])
 def test_weight_on_a_rope_between_two_points_rests_at_the_lowest_point_of_the_ellipse(stiffness, drop):
     span, l0, weight = 2.0, 3.0, 50.0
-    s = structure([[0, 0, 0], [0.8, 0.1, -0.9], [span, 0, -drop]], [True, False, True], [chains([0, 1, 2], l0, stiffness)])
+    s = structure(
+        [[0, 0, 0], [0.8, 0.1, -0.9], [span, 0, -drop]], [True, False, True], [chains([0, 1, 2], l0, stiffness)]
+    )
     result = _solve(s, _weights(3, n1=weight), atol=1e-8)
 
     # Both legs meet the plumb line at the angle t: sin t = span / L, and 2 T cos t = W with T = k (L - l0).
@@ -64,7 +67,9 @@ def test_weight_on_a_rope_between_two_points_rests_at_the_lowest_point_of_the_el
 
 def test_rope_meets_every_loaded_sheave_at_equal_angles():
     """Nested pulleys (LEI thesis 5.4.2): weights on sheaves of one rope, and one sheave hung on another rope's end."""
-    nodes = np.array([[0, 0, 0], [1, 0, -1.0], [2, 0, 0], [3, 0, -1.0], [4, 0, 0.0], [1.5, 0.2, -2.0], [0.5, -0.2, -2.5]])
+    nodes = np.array(
+        [[0, 0, 0], [1, 0, -1.0], [2, 0, 0], [3, 0, -1.0], [4, 0, 0.0], [1.5, 0.2, -2.0], [0.5, -0.2, -2.5]]
+    )
     s = structure(
         nodes,
         [True, False, True, False, True, False, True],
@@ -138,7 +143,8 @@ def test_pressure_in_a_ring_of_lines_gives_hoop_tension_p_times_r():
     n, pressure, width, k = 24, 200.0, 0.5, 1e5
     angle = 2.0 * np.pi * np.arange(n) / n
     ring = np.column_stack([np.cos(angle), np.zeros(n), np.sin(angle)])
-    nodes = np.concatenate([ring - [0, width / 2, 0], ring + [0, width / 2, 0]])
+    half = np.array([0.0, 0.5 * width, 0.0])
+    nodes = np.concatenate([ring - half, ring + half])
     i = np.arange(n)
     j = (i + 1) % n
     side = 2.0 * np.sin(np.pi / n)
@@ -153,7 +159,9 @@ def test_pressure_in_a_ring_of_lines_gives_hoop_tension_p_times_r():
     sign = np.sign(np.sum(normals * nodes[panels[:, 0]], axis=1))[0]
     result = _solve(s, Loads(np.full(n, sign * pressure), None, np.zeros_like(nodes)), atol=1e-8)
     # each hoop carries half the width: at a corner 2 T sin(pi/n) = p (b/2) l cos(pi/n), with l = side + T side-stretch
-    length = brentq(lambda l: k * (l - side) - 0.25 * pressure * width * l / np.tan(np.pi / n), side, 2.0 * side, xtol=1e-15)
+    length = brentq(
+        lambda l: k * (l - side) - 0.25 * pressure * width * l / np.tan(np.pi / n), side, 2.0 * side, xtol=1e-15
+    )
     assert tensions(result.x, hoops) == pytest.approx(k * (length - side), rel=1e-8)  # 1e-8 N of 50 N, rounding of k l
 
 

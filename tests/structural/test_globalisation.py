@@ -5,7 +5,6 @@ import pytest
 
 from structural import Assembly, Loads, equilibrium, tensions
 from structural.chains import Chains, chain_energy
-
 from tests.structural.models import chains, dead, lengths, saddle, structure
 
 
@@ -13,13 +12,12 @@ from tests.structural.models import chains, dead, lengths, saddle, structure
 @pytest.mark.parametrize("two_way", [True, False], ids=["two-way", "tension-only"])
 @pytest.mark.parametrize("ratio", [0.5, 0.9])
 def test_saddle_net_reaches_equilibrium(g, two_way, ratio):
-    if g == 31 and ratio == 0.9 and two_way:
-        pytest.skip("a net of buckled springs: some 90 Newton iterations and 2 s, a row of benchmarks/")
     s = saddle(g, ratio, two_way)
     result = equilibrium(Assembly(s), s.chains, dead(np.zeros_like(s.nodes)), s.nodes, atol=1e-8)
     assert result.converged
     assert result.residual <= 1e-8
-    assert result.iterations <= 60  # 6 to 25 seen; a plain Newton method fails at g = 5 and 31, a peer needs 900
+    # 3 to 29 seen, a plain Newton method fails at g = 5 and 31, a peer needs 900; 31 of buckled springs is the hard one
+    assert result.iterations <= (200 if g == 31 and two_way else 60)
     energy = chain_energy(result.x, s.chains[0])
     assert energy < chain_energy(s.nodes, s.chains[0])
 
@@ -84,7 +82,9 @@ def test_everything_slack_at_the_start_is_no_obstacle():
 def test_slack_nodes_without_weight_stay_where_they_are():
     # node 2 hangs between two slack lines, node 3 on one: without weight nothing says where they belong
     nodes = np.array([[0, 0, 0], [0, 0, -1.0], [0.4, 0.1, -0.3], [0.6, 0, -0.2], [1.0, 0, 0]])
-    s = structure(nodes, [True, False, False, False, True], [chains([[0, 1], [0, 2], [2, 4], [0, 3]], [0.9, 2.0, 2.0, 3.0], 1e3)])
+    s = structure(
+        nodes, [True, False, False, False, True], [chains([[0, 1], [0, 2], [2, 4], [0, 3]], [0.9, 2.0, 2.0, 3.0], 1e3)]
+    )
     weight = np.zeros((5, 3))
     weight[1, 2] = -10.0
     result = equilibrium(Assembly(s), s.chains, dead(weight), nodes, atol=1e-9)
@@ -158,7 +158,7 @@ def test_loads_and_positions_that_are_not_finite_are_a_status(bad):
 
 def test_sheave_that_runs_onto_the_end_of_its_rope_is_never_a_silent_failure():
     # Atwood's machine with unequal weights: the light one is pulled up until it jams in the sheave, where the direction
-    # of the rope, and so the residual, has no limit. Either the jammed state is found or the status says that it was not.
+    # of the rope, and so the residual, has no limit. Either the jammed state is found or the status says it was not.
     nodes = np.array([[-0.1, 0, -1.0], [0, 0, 0], [0.1, 0, -1.0]])
     s = structure(nodes, [False, True, False], [chains([0, 1, 2], 1.9, 1000.0)])
     force = np.zeros((3, 3))
@@ -176,7 +176,9 @@ def test_warm_start_at_the_solution_does_not_iterate_and_a_near_one_hardly_does(
     assert again.iterations == 0
     assert np.array_equal(again.x, result.x)
     more = Loads(loads.pressure, None, 1.0001 * loads.dead)
-    assert equilibrium(assembly, s.chains, more, result.x, atol=1e-8).iterations <= 6  # Newton from a ten-thousandth away
+    assert (
+        equilibrium(assembly, s.chains, more, result.x, atol=1e-8).iterations <= 6
+    )  # Newton from a ten-thousandth away
 
 
 def test_scaling_lengths_and_stiffnesses_scales_the_solution():

@@ -5,14 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from structural import area_vectors, corner_shares, surface_forces, surface_forces_and_tangents
-
 from tests.structural.models import TANGENT_TOLERANCE, central_difference
 
 SQUARE = np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 1.0, 0], [0, 1.0, 0]])
 
 
 def _panel(rng, kind):
-    """Corners (4,3) of a random panel; its area stays above a tenth of its size squared, so that loads are well scaled."""
+    """Corners (4,3) of a random panel; its area stays above 0.1 m2, so that loads are well scaled."""
     while True:
         if kind == "skewed":  # corner angles down to a few degrees
             x = SQUARE @ np.array([[1.0, 0, 0], [rng.uniform(3.0, 8.0), 0.5, 0], [0, 0, 1]])
@@ -92,7 +91,9 @@ def test_pressure_on_a_closed_box_has_no_net_force_and_work_on_it_is_pressure_ti
     warped = nodes + rng.normal(scale=0.2, size=nodes.shape)
     for x in (nodes, warped):
         f = surface_forces(x[faces], np.full(6, 1000.0))
-        assert np.abs(f.sum(axis=(0, 1))).max() <= 1e-11 * np.abs(f).sum()  # area vectors of a closed surface cancel: rounding
+        assert (
+            np.abs(f.sum(axis=(0, 1))).max() <= 1e-11 * np.abs(f).sum()
+        )  # area vectors of a closed surface cancel: rounding
     # growing the straight box as a whole by 1 + e does the work 3 p V e
     f = surface_forces(nodes[faces], np.full(6, 1000.0))
     assert np.sum(f * nodes[faces]) == pytest.approx(3.0 * 1000.0 * 6.0, rel=1e-13)
@@ -118,7 +119,9 @@ def test_reversing_a_panel_reverses_pressure_but_not_shear():
     x = np.array([_panel(rng, "warped") for _ in range(20)])
     back = [0, 3, 2, 1]
     p, s, none = rng.normal(size=20), rng.normal(size=(20, 3)), np.zeros(20)
-    assert np.abs(surface_forces(x[:, back], p) + surface_forces(x, p)[:, back]).max() <= 1e-13  # rounding at forces of 1 N
+    assert (
+        np.abs(surface_forces(x[:, back], p) + surface_forces(x, p)[:, back]).max() <= 1e-13
+    )  # rounding at forces of 1 N
     assert np.abs(surface_forces(x[:, back], none, s) - surface_forces(x, none, s)[:, back]).max() <= 1e-13
 
 

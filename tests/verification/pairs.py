@@ -5,7 +5,7 @@ import contextlib
 import scenes
 from fmus.builder import build
 from master.coupling import Coupling
-from master.participants import FmuParticipant, InProcessParticipant
+from master.participants import FmuParticipant
 
 
 def loaded(name, settings, parameters):
@@ -19,11 +19,7 @@ def loaded(name, settings, parameters):
 def in_process(name, settings=None, **parameters):
     """The two solver cores of a scene at their start, coupled."""
     scene, given = loaded(name, settings, parameters)
-    pair = []
-    for core in (scene.structural_core(), scene.aero_core()):
-        names = {v.name for v in core.variables}
-        pair.append(InProcessParticipant(core, {k: v for k, v in given.items() if k in names}))
-    return Coupling(*pair)
+    return Coupling.in_process(scene, given)
 
 
 @contextlib.contextmanager

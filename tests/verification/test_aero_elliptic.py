@@ -5,16 +5,18 @@ import pytest
 
 from tests.aero.wings import linear_wing, nodes_of, wind
 
+CHORD = np.array([1.0, 0.0, 0.0])  # m
+
 
 def cosine(strips):
     return -np.cos(np.linspace(0.0, np.pi, strips + 1))
 
 
 def elliptic_nodes(aspect_ratio, strips, straight):
-    """Elliptic wing of root chord 1 m whose chords are centred on (`straight` = 0.5) or hung at 0.25 of a straight line."""
+    """Elliptic wing of root chord 1 m whose chord fraction `straight` (0.25 or 0.5) lies on a straight line."""
     eta = cosine(strips)
     y = 0.125 * np.pi * aspect_ratio * eta
-    chord = np.maximum(np.sqrt(np.maximum(1.0 - eta**2, 0.0)), 1e-4)  # the tip sections are points: 1e-4 keeps a direction
+    chord = np.sqrt(np.maximum(1.0 - eta**2, 1e-8))  # the tip sections are points: 1e-4 m keeps them a direction
     le = np.stack([-straight * chord, y, 0.0 * y], axis=1)
     return nodes_of(le, le + np.stack([chord, 0.0 * y, 0.0 * y], axis=1))
 
@@ -35,8 +37,8 @@ def elliptic(aspect_ratio, strips, alpha, straight):
 def lifting_surface(aspect_ratio):
     """C_L / alpha of a flat elliptic plate of large aspect ratio (Van Dyke 1964, third order, in Germain's 1967 form).
 
-    2 pi / (1 + 2/A + 16 ln(1 + pi e^(-9/8) A) / (pi A)^2). Against Krienes' (1940) exact plates 2.99 at A = 2.55 and 4.55
-    at A = 6.37 it is 0.2 % and 1 % off; against `lattice` below 0.14 % at A = 10 and 0.04 % at 20.
+    2 pi / (1 + 2/A + 16 ln(1 + pi e^(-9/8) A) / (pi A)^2). Against `lattice` below it is
+    0.5 % high at A = 5, 0.15 % at A = 10 and 0.04 % at A = 20.
     """
     third = 16.0 / (np.pi * aspect_ratio) ** 2 * np.log(1.0 + np.pi * np.exp(-9.0 / 8.0) * aspect_ratio)
     return 2.0 * np.pi / (1.0 + 2.0 / aspect_ratio + third)
@@ -83,8 +85,8 @@ def test_an_elliptic_plate_of_36_strips_lifts_as_lifting_surface_theory_says(asp
 @pytest.mark.parametrize("aspect_ratio", [10.0, 20.0])
 def test_an_elliptic_wing_on_a_straight_lifting_line_lifts_as_its_own_vortex_lattice(aspect_ratio):
     lift, _, _ = elliptic(aspect_ratio, 36, 0.02, straight=0.25)
-    exact = lattice(aspect_ratio, 100, 4, straight=0.25)  # 0.1 % above its limit: first order in the strips at pointed tips
-    # 0.5 % as above; measured -0.44 % and -0.33 %, of which 0.15 % falls with the strips
+    exact = lattice(aspect_ratio, 100, 4, straight=0.25)  # 0.1 % above its limit: first order at the pointed tips
+    # 0.5 % as above; measured -0.40 % and -0.28 %, of which 0.15 % falls with the strips
     assert lift == pytest.approx(exact * 0.02, rel=5e-3)
 
 
@@ -123,7 +125,7 @@ def test_circulation_converges_with_the_square_of_the_strip_angle(shape):
         else:
             y = 4.0 * cosine(strips)
             le = np.stack([0.0 * y, y, 0.0 * y], axis=1)
-            lift, _, loads = coefficients(nodes_of(le, le + [1.0, 0.0, 0.0]), strips, 8.0, 0.05)
+            lift, _, loads = coefficients(nodes_of(le, le + CHORD), strips, 8.0, 0.05)
         lifts.append(lift)
         middle.append(loads.circulation.gamma[strips // 2])
     circulation, lift = (np.log2(np.diff(v)[:-1] / np.diff(v)[1:]) for v in (middle, lifts))
@@ -137,7 +139,7 @@ def test_circulation_converges_with_the_square_of_the_strip_angle(shape):
 def test_a_swept_wing_without_sideslip_has_no_side_force_and_even_loads():
     y = np.linspace(-4.0, 4.0, 25)
     le = np.stack([0.6 * np.abs(y), y, 0.0 * y], axis=1)
-    _, _, loads = coefficients(nodes_of(le, le + [1.0, 0.0, 0.0]), 24, 8.0, 0.06)
+    _, _, loads = coefficients(nodes_of(le, le + CHORD), 24, 8.0, 0.06)
     flip = [1.0, -1.0, 1.0]
     # rounding, after a solve to 1e-12
     np.testing.assert_allclose(loads.circulation.gamma[::-1], loads.circulation.gamma, rtol=1e-9)
@@ -151,7 +153,7 @@ def test_aft_sweep_loads_the_tips_and_forward_sweep_the_root():
     def tip_to_root(sweep):
         y = 4.0 * cosine(40)
         le = np.stack([sweep * np.abs(y), y, 0.0 * y], axis=1)
-        gamma = coefficients(nodes_of(le, le + [1.0, 0.0, 0.0]), 40, 8.0, 0.05)[2].circulation.gamma
+        gamma = coefficients(nodes_of(le, le + CHORD), 40, 8.0, 0.05)[2].circulation.gamma
         return gamma[4] / gamma[20]
 
     assert tip_to_root(-0.5) < tip_to_root(0.0) < tip_to_root(0.5)
