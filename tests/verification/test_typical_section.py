@@ -57,7 +57,7 @@ def plate(variant, theta):
 
 @pytest.mark.parametrize(("variant", "theta"), BELOW + RESTORING + BEYOND)
 def test_the_twist_is_that_of_the_closed_form(variant, theta):
-    result = solve(plate(variant, theta), IQNILS(omega0=0.5), atol=1e-10, force_tolerance=1e-6)
+    result = solve(plate(variant, theta), IQNILS(omega0=0.5), atol=1e-9, force_tolerance=1e-6)
     assert result.status == "converged", result.message
     # 1e-8 rad is what is asked for; the plate's stretch under its springs (1e3 against 1e8 N/m) is below 1e-9 of it.
     assert twist(result.displacement) == pytest.approx(theta, abs=1e-8)
