@@ -1,4 +1,4 @@
-"""The V3 kite's two FMUs stepped by a plain master: whatever its order, it runs the explicit scheme to the same place."""
+"""The V3 kite's two FMUs stepped by a plain master: in any order it runs the explicit scheme to the same place."""
 
 import numpy as np
 import pytest

@@ -144,3 +144,21 @@ def test_asymmetric_steering_turns_symmetry_off_and_says_so():
     coupling = in_process("v3_kite", wind_speed=12.0, steering_tape_left_length=1.55)
     solve(coupling, IQNILS(omega0=0.5), max_iterations=3)
     assert float(coupling.structural.get("symmetry_used")) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [("wind_speed", 7.0), ("wind_speed", 24.0), ("power_tape_length", 2.6), ("power_tape_length", 3.5)],
+)
+def test_the_default_scheme_converges_over_the_stated_range(parameter, value):
+    coupling = in_process("v3_kite", **{"wind_speed": 12.0, parameter: value})
+    assert solve(coupling, SCHEMES["iqn-ils"]()).status == "converged"
+
+
+@pytest.mark.parametrize(("parameter", "value"), [("wind_speed", 40.0), ("power_tape_length", 4.0)])
+def test_beyond_the_stated_range_a_run_ends_with_a_status_and_its_history(parameter, value):
+    coupling = in_process("v3_kite", **{"wind_speed": 12.0, parameter: value})
+    result = solve(coupling, SCHEMES["iqn-ils"](), max_iterations=40)
+    assert result.status != "converged"
+    assert result.message
+    assert len(result.history) == result.iterations >= 1
