@@ -116,19 +116,16 @@ class Assembly:
 
     def _load_pairs(self, surface):
         """Entries that add each panel's load stiffness to the tangent: row, column, position in (p,12,12), factor."""
-        csr = sp.csr_array(surface)
-        count = len(self._corners)
-        if count == 0:
-            empty = np.zeros(0, dtype=int)
-            return empty, empty, empty, np.zeros(0)
-        out = []
-        for p in range(count):
-            b = csr[12 * p : 12 * p + 12].tocoo()
-            i, j = np.meshgrid(np.arange(b.nnz), np.arange(b.nnz), indexing="ij")
-            i, j = i.ravel(), j.ravel()
-            position = 144 * p + 12 * b.row[i] + b.row[j]
-            out.append((b.col[i], b.col[j], position, b.data[i] * b.data[j] * self._panel_weight[p]))
-        return tuple(np.concatenate(part) for part in zip(*out, strict=True))
+        entries = sp.coo_array(sp.csr_array(surface))
+        row, column, value = entries.row, entries.col, entries.data
+        panel = row // 12
+        counts = np.bincount(panel, minlength=len(self._corners))
+        begin = np.cumsum(counts) - counts
+        partners = counts[panel]  # every entry meets all entries of its panel
+        left = np.repeat(np.arange(len(row)), partners)
+        right = begin[panel[left]] + np.arange(len(left)) - np.repeat(np.cumsum(partners) - partners, partners)
+        position = 144 * panel[left] + 12 * (row[left] % 12) + row[right] % 12
+        return column[left], column[right], position, value[left] * value[right] * self._panel_weight[panel[left]]
 
     def _parts(self, chains):
         return [c.select(rows) if len(rows) < len(c.l0) else c for c, (rows, _) in zip(chains, self._rows, strict=True)]
