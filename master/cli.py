@@ -31,7 +31,7 @@ def run(
         str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")
     ] = "fmu",
     set_: SetOption = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the results [results/SCENE].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/SCENE.")] = None,
     relaxation: Annotated[
         float | None, typer.Option(help="Factor of relaxation; first factor of aitken and iqn-ils.")
     ] = None,
