@@ -55,6 +55,7 @@ class SectionFlow:
     polars: StripPolars
     viscosity: np.ndarray | None = None
     far_speed: np.ndarray | None = None
+    from_middle: bool = False
 
     def imbalance(self, gamma):
         """F (n,), and the state that the Jacobian and the result need."""
@@ -71,7 +72,7 @@ class SectionFlow:
         effective = speed if self.far_speed is None else speed**2 / self.far_speed
         f = gamma - 0.5 * g.chord * effective * cl
         if self.viscosity is not None:
-            f = f + self.viscosity * _second_difference(gamma)
+            f = f + self.viscosity * self._roughness(gamma)
         return f, (across, vn, vt, speed, alpha, cl, slope, outside)
 
     def jacobian(self, state):
@@ -80,7 +81,7 @@ class SectionFlow:
         g = self.strips
         j = np.eye(len(speed))
         if self.viscosity is not None:
-            j += self.viscosity[:, None] * _second_difference(np.eye(len(speed)))
+            j += self.viscosity[:, None] * self._roughness(np.eye(len(speed)))
         if self.influence is None:
             return j
         turn = (vt[:, None] * g.normal - vn[:, None] * g.tangent) / (vn * vn + vt * vt)[:, None]
@@ -91,14 +92,17 @@ class SectionFlow:
             j -= weight[:, k, None] * self.influence[k]
         return j
 
-
-def _second_difference(gamma):
-    """-(gamma_{i+1} - 2 gamma_i + gamma_{i-1}) along the first axis, with the end strips seeing one neighbour only."""
-    d = np.diff(gamma, axis=0)
-    out = np.zeros_like(gamma)
-    out[:-1] -= d
-    out[1:] += d
-    return out
+    def _roughness(self, gamma):
+        """2 gamma_i - gamma_{i+1} - gamma_{i-1} along the first axis; end strips see one neighbour only, and the middle
+        strip of a mirrored wing sees its neighbour twice.
+        """
+        d = np.diff(gamma, axis=0)
+        out = np.zeros_like(gamma)
+        out[:-1] -= d
+        out[1:] += d
+        if self.from_middle:
+            out[0] *= 2.0
+        return out
 
 
 def solve(flow, start):

@@ -97,11 +97,12 @@ class VortexStep:
             influence = control_influence(strips, wake, rows, self.core_fraction)
             if symmetric:
                 influence = folded(influence, self.mirror)
+        middle = symmetric and len(self.mirror) % 2 == 1
         far = None
         if self.circulation_speed == "far":
             across = wind - (part.span @ wind)[:, None] * part.span
             far = np.sqrt(np.einsum("ik,ik->i", across, across))
-        return SectionFlow(influence, wind, part, self.polars.of(rows), far_speed=far), part
+        return SectionFlow(influence, wind, part, self.polars.of(rows), far_speed=far, from_middle=middle), part
 
     @staticmethod
     def _solve(flow, start):

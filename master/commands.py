@@ -20,15 +20,14 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     """Run a scene, print its table, write its files; the exit code."""
     _checked(choices)
     begin = time.perf_counter()
-    scene, parameters, trim = _prepared(name, assigned)
+    scene, given = _prepared(name, assigned)
     out = out or Path("results") / scene.name
     if (out / "scene.toml").exists():
         raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
     out.mkdir(parents=True, exist_ok=True)
     (out / "summary.json").unlink(missing_ok=True)  # so that what stands there is never of an earlier run
-    given = {**parameters, **({} if trim is None else {"trim_angle": trim})}
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
-    options["tie_tolerance"] = "solver_tolerance" not in parameters
+    options["tie_tolerance"] = "solver_tolerance" not in given
     with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
         ready = time.perf_counter()
         run = coupled_run(coupling, _scheme(choices), choices["stability"], progress, **options)
@@ -38,21 +37,20 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
         "scene_settings": scene.settings,
         "parameters_set": given,
         "parameters": {
-            f"{label}.{v.name}": run.blocks[label][v.name]
-            for label, core in (("structural", scene.structural_core()), ("aero", scene.aero_core()))
-            for v in core.variables
-            if v.causality == "parameter"
+            f"{label}.{block}": run.blocks[label][block]
+            for label, causality in run.causality.items()
+            for block in causality
+            if causality[block] == "parameter"
         },
     }
     content = summary(run, settings)
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = ready - begin
-    core = scene.structural_core()
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     write_history(out / "history.csv", run.result.history)
-    write_state(out, blocks, {"position": core.node_names, "tension": core.element_names}, scene.interface.nodes)
+    write_state(out, blocks, {"position": scene.members.labels, "tension": scene.members.names}, scene.interface.nodes)
     write_json(out / "summary.json", content)
-    print_table(scene, run, content, core, out)
+    print_table(scene, run, content, out)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 
 
@@ -60,8 +58,7 @@ def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
     """Build the two FMUs of a scene; the exit code."""
     from fmus.builder import build
 
-    scene, parameters, trim = _prepared(name, assigned)
-    given = {**parameters, **({} if trim is None else {"trim_angle": trim})}
+    scene, given = _prepared(name, assigned)
     for path in build(scene, out, given):
         print(path)
     return 0
@@ -117,8 +114,8 @@ def _scheme(choices: dict[str, Any]) -> Any:
     return IQNILS(omega0=factor) if choices["scheme"] == "iqn-ils" else given[choices["scheme"]](factor)
 
 
-def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], float | None]:
-    """The scene with its settings, checked parameter values, and the trim angle (None where the scene has none)."""
+def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
+    """The scene with its settings, and its parameters: the assigned ones, checked, and the trim angle if it has one."""
     import scenes
 
     defaults = scenes.load(name)
@@ -138,9 +135,9 @@ def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any],
         for core, _ in owners:
             core.set(key, value)
         parameters[key] = value
-    if scene.content["trim"] is None or "trim_angle" in parameters:
-        return scene, parameters, None
-    return scene, parameters, scene.trim_angle(parameters)
+    if scene.content["trim"] is not None and "trim_angle" not in parameters:
+        parameters["trim_angle"] = scene.trim_angle(parameters)
+    return scene, parameters
 
 
 def _number(key: str, text: str, variable: Any) -> Any:

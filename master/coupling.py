@@ -179,6 +179,8 @@ def solve(
         left = max_iterations - len(history)
         result = fixed_point(coupling, x, scheme, atol=atol, max_iterations=left, callback=record)
         status, message = result.status, result.message
+        if status == "max_iterations":
+            message = f"Not converged within {len(history)} coupling iterations."
         if not np.all(np.isfinite(result.x_tilde)):
             residual_N = float("nan")
             break
@@ -199,8 +201,6 @@ def solve(
             status = "stalled"
             message = f"residual_N stays at {residual_N:.3g} N: rounding leaves no smaller interface residual."
             break
-    if status == "max_iterations":
-        message = f"Not converged within {len(history)} coupling iterations."
     seconds = {k: coupling.seconds[k] - before[k] for k in before}
     seconds["total"] = time.perf_counter() - begin
     x_tilde = result.x_tilde if np.all(np.isfinite(result.x_tilde)) else coupling.structural.get("displacement")

@@ -99,7 +99,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def print_table(scene: Any, run: "Run", content: dict[str, Any], core: Any, out: Path) -> None:
+def print_table(scene: Any, run: "Run", content: dict[str, Any], out: Path) -> None:
     """The result of a run as a table on standard output."""
     from rich.console import Console
     from rich.markup import escape
@@ -124,7 +124,7 @@ def print_table(scene: Any, run: "Run", content: dict[str, Any], core: Any, out:
                               f"{np.linalg.norm(structural['support_force']):.2f} N in all"),
     ]  # fmt: skip
     tension = structural["tension"]
-    lines = [i for c in scene.members.chains for i in c.names]
+    lines = scene.members.names
     one_way = np.concatenate([~c.two_way for c in scene.members.chains])
     if one_way.any():
         most = np.flatnonzero(one_way)[np.argmax(tension[one_way])]

@@ -11,13 +11,13 @@ from master.acceleration import Scheme
 from master.coupling import CoupledResult, Coupling, solve
 from master.stability import Stability, static_stability
 
-EXIT_CONVERGED, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT = 0, 1, 2
+EXIT_CONVERGED, EXIT_NOT_CONVERGED = 0, 1
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
     """A finished run: status, the coupled result, its stability (None: not asked for or not converged), the blocks of
-    both participants at the end, which of them are outputs, remarks worth a line, and how often each solver was called.
+    both participants at the end, their causality, remarks worth a line, and how often each solver was called.
     """
 
     status: str
@@ -25,7 +25,7 @@ class Run:
     result: CoupledResult
     stability: Stability | None
     blocks: dict[str, dict[str, np.ndarray]]
-    outputs: dict[str, list[str]]
+    causality: dict[str, dict[str, str]]
     remarks: list[str]
     evaluations: int
 
@@ -52,12 +52,12 @@ def coupled_run(
         if judged.statically_stable is False:
             status = "statically_unstable"
             message = f"The equilibrium is statically unstable: {judged.message}; above 1 a small disturbance grows."
-    blocks, outputs = {}, {}
+    blocks, causality = {}, {}
     for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
         blocks[label] = {b: participant.get(b) for b in participant.blocks}
-        outputs[label] = [b for b, c in participant.causality.items() if c == "output"]
+        causality[label] = dict(participant.causality)
     remarks = _remarks(blocks) + _stability_remarks(judged)
-    return Run(status, message, result, judged, blocks, outputs, remarks, coupling.evaluations)
+    return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
 
 
 def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
@@ -89,9 +89,10 @@ def _small_outputs(run: Run) -> dict[str, Any]:
     """Scalar and vector outputs by name; a name that both participants have carries the participant's in front."""
     out = {}
     for label, other in (("aero", "structural"), ("structural", "aero")):
-        for block in run.outputs[label]:
-            if run.blocks[label][block].shape in ((), (3,)):
-                out[f"{label}.{block}" if block in run.outputs[other] else block] = run.blocks[label][block]
+        for block, values in run.blocks[label].items():
+            if run.causality[label][block] == "output" and values.shape in ((), (3,)):
+                shared = run.causality[other].get(block) == "output"
+                out[f"{label}.{block}" if shared else block] = values
     return out
 
 

@@ -66,7 +66,7 @@ def _judged(found: Eigenvalue, unstable_modes: int, symmetric: bool) -> Stabilit
     if not np.isfinite(found.value):
         return Stability(None, float("nan"), found.evaluations, symmetric, found.message)
     real = found.ritz_values[np.abs(np.imag(found.ritz_values)) <= NEUTRAL].real
-    above = int(np.count_nonzero(real > 1.0 - NEUTRAL)) if found.settled else int(found.value > 1.0 - NEUTRAL)
+    above = int(np.count_nonzero(real > 1.0 - NEUTRAL)) if found.settled else 0
     value = float(real.max()) if above and found.settled else found.value
     if unstable_modes:
         # Signs of det K and det(I - G'): an odd sum is a coupled tangent with an odd number of negative eigenvalues.

@@ -1,6 +1,7 @@
 """The aerodynamic solver of a scene behind blocks: interface displacements in, pressures and shears out."""
 
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ LOPSIDED = 1e-9
 class AeroCore(Core):
     """Quasi-steady loads of a scene's wing in a uniform wind, warm-started from step to step."""
 
-    _hidden = ("_gamma", "_fresh")
+    _hidden = ("_gamma", "_fresh", "_looked")
 
     def __init__(self, scene):
         content = scene.content["aero"]
@@ -33,7 +34,8 @@ class AeroCore(Core):
             section_force=content["section_force"],
         )
         self._gamma = None
-        self._fresh = True
+        self._fresh = True  # no step yet
+        self._looked = False  # the present values have been tried without a step
         self._mirrored_polars = self._wing.polars.mirrored()
         self._about = self._reference_point()
         super().__init__(scene.name, tuple(self._declared(content)))
@@ -102,19 +104,31 @@ class AeroCore(Core):
             self._values["displacement"] = rotated(nodes, self._scalar("trim_angle"), self._about) - nodes
 
     def get(self, block: str) -> np.ndarray:
-        """See `Core.get`. Before the first step the outputs are the loads on the wing as it starts."""
-        if self._fresh and self._stale and block in self._by_name and self._by_name[block].causality == "output":
+        """See `Core.get`. Before the first step the outputs are the loads on the wing as it starts.
+
+        To look changes no later result: until the first step every solve starts from the attached flow.
+        """
+        if self._fresh and self._stale and not self._looked and block in self._outputs:
+            self._looked = True
             try:
                 self._solve()
             except StepFailed:  # no loads then; the first step says why
-                self._fresh = False
+                for name in self._outputs:
+                    self._put(name, self._by_name[name].start)
         return super().get(block)
+
+    def set(self, block: str, values: Any) -> None:
+        """See `Core.set`."""
+        super().set(block, values)
+        self._looked = False
 
     def step(self, t: float, dt: float) -> None:
         """Loads on the displaced wing; the same input again returns the stored output without solving."""
-        self._fresh = False
-        if self._stale:
-            self._solve()
+        try:
+            if self._stale:
+                self._solve()
+        finally:
+            self._fresh = False
 
     def _solve(self) -> None:
         nodes = self._interface.nodes + self._values["displacement"]
@@ -126,7 +140,7 @@ class AeroCore(Core):
         wing = self._wing.in_air(self._scalar("air_density"))
         with np.errstate(all="ignore"):
             try:
-                loads = wing.loads(nodes, speed * direction, self._gamma, symmetric)
+                loads = wing.loads(nodes, speed * direction, None if self._fresh else self._gamma, symmetric)
             except np.linalg.LinAlgError:
                 loads = None
         if loads is None or not np.all(np.isfinite(loads.force)):

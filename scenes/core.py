@@ -20,6 +20,7 @@ class Core:
     def __init__(self, scene: str, variables: tuple[Variable, ...]):
         self.variables = variables
         self._by_name = {v.name: v for v in variables}
+        self._outputs = {v.name for v in variables if v.causality == "output"}
         self._values = {v.name: np.array(np.broadcast_to(v.start, v.shape), dtype=float) for v in variables}
         self._stale = True
         for v in variables:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from aero import SurfaceGrid
+
 CHORD_FRACTIONS = np.array([0.0, 0.5, 1.0])
 
 
@@ -80,10 +82,7 @@ def rotated(points, angle, about):
 
 def _interface(nodes, weights, span):
     sections = np.arange(len(nodes)).reshape(-1, 3)
-    first, second = sections[:-1], sections[1:]
-    panels = np.concatenate(
-        [np.stack([first[:, c], first[:, c + 1], second[:, c + 1], second[:, c]], axis=1) for c in (0, 1)]
-    )
+    panels = SurfaceGrid(sections, CHORD_FRACTIONS).panels
     return Interface(nodes, sections, CHORD_FRACTIONS, panels, span, sp.csr_array(weights))
 
 

@@ -164,10 +164,8 @@ def _canopy(path, index, nodes, structure):
 def _lines(path, index, nodes, structure):
     t = read_table(path, {"name": name, "nodes": names, "rest_length_m": positive, "diameter_m": positive})
     modulus, density = structure["line_modulus"], structure["line_density"]
-    if modulus <= 0.0:
-        raise SceneError(
-            f"{path.parent.name}/scene.toml: [structure] line_modulus must be above zero where there are lines."
-        )
+    if modulus is None:
+        raise SceneError(f"{path.parent.name}/scene.toml: [structure] lacks 'line_modulus', which lines need; add it.")
     for row in range(len(t)):
         chain = _resolve(t, row, index, 2, 1000)
         l0 = t["rest_length_m"][row]

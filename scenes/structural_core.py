@@ -63,6 +63,9 @@ class StructuralCore(Core):
                 where = f"{self._scene.name}/scene.toml [structure.tapes] {parameter}"
                 raise SceneError(f"{where}: line '{element}' is not in the line table; add it or correct the name.")
             rows.append(self._members.names.index(element))
+        if np.ptp(self._rest[0][rows]) > 0.0:
+            where = f"{self._scene.name}/scene.toml [structure.tapes] {parameter}"
+            raise SceneError(f"{where}: its lines have different rest lengths; give them one, or a tape each.")
         return rows
 
     def _declared(self):

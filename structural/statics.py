@@ -144,7 +144,7 @@ class _Solve:
             self._accept(q, self.assembly.residual_and_tangent(q, self.prepared))
             if not np.isfinite(self.norm) or self.norm <= 0.1 * start or self.finished():
                 break
-        if self.norm < 0.5 * start:
+        if self.norm < 0.5 * start or self.status == "converged":
             self.damping = 0.0
             return True
         self.status = "max_iterations"

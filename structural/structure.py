@@ -143,5 +143,7 @@ def mirror_rows(nodes, mirror, canonical):
 
 def unique_half(images):
     """Rows of the elements that stay under mirror symmetry, and how often each counts (1 or 2), from `mirror_rows`."""
+    if np.any(images < 0):
+        raise ValueError("an element has no mirror image although the structure is to be halved")
     rows = np.flatnonzero(np.arange(len(images)) <= images)
     return rows, np.where(images[rows] == rows, 1.0, 2.0)

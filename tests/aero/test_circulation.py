@@ -11,11 +11,13 @@ from aero.strips import strips_between
 from tests.aero.wings import arched_nodes, linear_wing, stalling_wing, wind
 
 
-def flow_on(nodes, velocity, wing, induction=True, viscosity=None):
+def flow_on(nodes, velocity, wing, induction=True, viscosity=None, far=False):
     sections = nodes[wing.grid.sections]
     strips = strips_between(sections[:, 0], sections[:, 2])
     influence = control_influence(strips, velocity / np.linalg.norm(velocity)) if induction else None
-    return SectionFlow(influence, velocity, strips, wing.polars, viscosity)
+    across = velocity - (strips.span @ velocity)[:, None] * strips.span
+    far_speed = np.linalg.norm(across, axis=1) if far else None
+    return SectionFlow(influence, velocity, strips, wing.polars, viscosity, far_speed)
 
 
 def pieces(flow, gamma):
@@ -34,7 +36,7 @@ def random_states(count, strips, induction):
     while count:
         nodes = arched_nodes(strips, 0.05, rng)
         nu = rng.uniform(0.0, 1.0, strips) if induction and rng.random() < 0.3 else None
-        flow = flow_on(nodes, wind(rng.uniform(-0.3, 0.6)), wing, induction, nu)
+        flow = flow_on(nodes, wind(rng.uniform(-0.3, 0.6)), wing, induction, nu, far=bool(count % 2))
         gamma = rng.uniform(-1.0, 2.0) * attached_start(flow) + rng.normal(0.0, 1.0, strips)
         h = 1e-6 * np.abs(gamma).max()
         here = pieces(flow, gamma)

@@ -159,7 +159,7 @@ def test_half_model_of_a_taut_net_finds_the_solution_of_the_full_model():
 def test_surface_loads_reach_the_nodes_with_their_force_moment_and_virtual_work(symmetric):
     rng = np.random.default_rng(5)
     s, loads, mirror = random_mirrored(rng)
-    slack = chains([0, 1], 1e3, 1.0)
+    slack = chains([[0, 1], mirror[[0, 1]]], 1e3, 1.0)
     s = Structure(s.nodes, np.zeros_like(s.fixed), (slack,), s.surface, s.panels)  # nothing but the surface bears
     assembly = Assembly(s, mirror if symmetric else None)
     q = assembly.unknowns.restrict(s.nodes)
