@@ -13,6 +13,7 @@ from master.participants import FmuParticipant
 from master.report import print_table, versions, write_history, write_json, write_state
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, coupled_run, summary
 
+RESULTS = ("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv")
 BACKENDS = ("fmu", "in-process")
 
 
@@ -22,10 +23,9 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     begin = time.perf_counter()
     scene, given = _prepared(name, assigned)
     out = out or Path("results") / scene.name
-    if (out / "scene.toml").exists():
-        raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "summary.json").unlink(missing_ok=True)  # so that what stands there is never of an earlier run
+    _folder(out)
+    for name in RESULTS:  # so that what stands there is never of an earlier run
+        (out / name).unlink(missing_ok=True)
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options["tie_tolerance"] = "solver_tolerance" not in given
     with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
@@ -48,7 +48,7 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     content["wall_time_s"]["set_up"] = ready - begin
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     write_history(out / "history.csv", run.result.history)
-    write_state(out, blocks, {"position": scene.members.labels, "tension": scene.members.names}, scene.interface.nodes)
+    write_state(out, blocks, {"position": scene.members.labels, "tension": scene.members.names}, scene.interface)
     write_json(out / "summary.json", content)
     print_table(scene, run, content, out)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
@@ -59,9 +59,24 @@ def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
     from fmus.builder import build
 
     scene, given = _prepared(name, assigned)
+    _folder(out)
     for path in build(scene, out, given):
         print(path)
     return 0
+
+
+def _folder(out: Path) -> None:
+    """Make the folder for results; ValueError in one sentence if that cannot be."""
+    if (out / "scene.toml").exists():
+        raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
+    foreign = [n for n in RESULTS if (out / n).is_dir()]
+    if foreign:
+        raise ValueError(f"--out {out} has a folder where {foreign[0]} should go; name another folder.")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ValueError(f"--out {out} cannot be made a folder ({reason}); name another one.") from None
 
 
 def list_scenes() -> int:

@@ -110,7 +110,7 @@ class Coupling:
         state = self.structural.save()
         try:
             self(x)
-            return float(self.structural.get("imbalance"))
+            return float(self.structural.get("imbalance_before_step"))
         finally:
             self.structural.restore(state)
             self.structural.free(state)
@@ -199,7 +199,7 @@ def solve(
         x, atol = result.x_tilde, atol * min(0.1, 0.5 * force_tolerance / residual_N)
         if atol < np.finfo(float).eps * np.linalg.norm(x):
             status = "stalled"
-            message = f"residual_N stays at {residual_N:.3g} N: rounding leaves no smaller interface residual."
+            message = f"residual_N stays at {residual_N:.3g} N: rounding or the solver_tolerance leaves no smaller one."
             break
     seconds = {k: coupling.seconds[k] - before[k] for k in before}
     seconds["total"] = time.perf_counter() - begin

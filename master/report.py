@@ -49,11 +49,13 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
     write_csv(path, header, rows)
 
 
-def write_state(
-    folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], reference: np.ndarray
-) -> None:
-    """The final state: nodes.csv, elements.csv, interface.csv and panels.csv, as far as the blocks are there."""
+def write_state(folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any) -> None:
+    """The final state as tables: nodes, elements, interface and panels, as far as the blocks are there.
+
+    `names` labels the rows of the blocks `position` and `tension`; `interface` has the reference `nodes` and `panels`.
+    """
     rows: list[list[Any]]
+    panels = np.asarray(interface.panels)
     if "position" in blocks:
         rows = [[n, *map(repr, map(float, p))] for n, p in zip(names["position"], blocks["position"], strict=True)]
         write_csv(folder / "nodes.csv", ["node", "x_m", "y_m", "z_m"], rows)
@@ -61,12 +63,15 @@ def write_state(
         tension = zip(names["tension"], blocks["tension"], strict=True)
         write_csv(folder / "elements.csv", ["element", "tension_N"], [[n, repr(float(t))] for n, t in tension])
     x = blocks["displacement"]
-    rows = [[i + 1, *map(repr, map(float, (*p, *d)))] for i, (p, d) in enumerate(zip(reference + x, x, strict=True))]
+    rows = [
+        [i + 1, *map(repr, map(float, (*p, *d)))] for i, (p, d) in enumerate(zip(interface.nodes + x, x, strict=True))
+    ]
     write_csv(folder / "interface.csv", ["node", "x_m", "y_m", "z_m", "dx_m", "dy_m", "dz_m"], rows)
     pressure, shear = blocks["pressure"], blocks.get("shear")
-    header = ["panel", "pressure_Pa"] + ([] if shear is None else ["shear_x_Pa", "shear_y_Pa", "shear_z_Pa"])
+    header = ["panel", "node_1", "node_2", "node_3", "node_4", "pressure_Pa"]
+    header += [] if shear is None else ["shear_x_Pa", "shear_y_Pa", "shear_z_Pa"]
     rows = [
-        [i + 1, repr(float(p)), *([] if shear is None else map(repr, map(float, shear[i])))]
+        [i + 1, *(panels[i] + 1), repr(float(p)), *([] if shear is None else map(repr, map(float, shear[i])))]
         for i, p in enumerate(pressure)
     ]
     write_csv(folder / "panels.csv", header, rows)

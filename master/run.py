@@ -51,7 +51,7 @@ def coupled_run(
         result.seconds["stability"] = time.perf_counter() - begin
         if judged.statically_stable is False:
             status = "statically_unstable"
-            message = f"The equilibrium is statically unstable: {judged.message}; above 1 a small disturbance grows."
+            message = f"The equilibrium is statically unstable: {judged.message}."
     blocks, causality = {}, {}
     for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
         blocks[label] = {b: participant.get(b) for b in participant.blocks}

@@ -46,11 +46,12 @@ def static_stability(coupling: Coupling, x: np.ndarray, start: np.ndarray) -> St
         if not np.any(seed):
             seed = None
     states = [p.save() for p in participants]
+    evaluations = coupling.evaluations
     try:
         coupling.set_tolerance(TIGHTEST)
         found = rightmost_eigenvalue(coupling, x, step=STEP, start=seed)
     except ArithmeticError as error:
-        return Stability(None, float("nan"), 0, symmetric, str(error))
+        return Stability(None, float("nan"), coupling.evaluations - evaluations, symmetric, str(error))
     finally:
         for participant, state in zip(participants, states, strict=True):
             participant.restore(state)
@@ -74,7 +75,7 @@ def _judged(found: Eigenvalue, unstable_modes: int, symmetric: bool) -> Stabilit
         text = f"the structure alone has {unstable_modes} unstable directions under these loads"
         return Stability(stable, value, found.evaluations, symmetric, text)
     if above:
-        text = f"the coupled map has the eigenvalue {value:.3f}"
-        text += ", neutral within the accuracy of the search" if value < 1.0 + NEUTRAL else ""
+        text = f"the coupled map has the eigenvalue {value:.3f}, and above 1 a small disturbance grows"
+        text += " (here neutral within the accuracy of the search)" if value < 1.0 + NEUTRAL else ""
         return Stability(False, value, found.evaluations, symmetric, text)
     return Stability(True if found.settled else None, value, found.evaluations, symmetric, found.message)

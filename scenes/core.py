@@ -30,6 +30,10 @@ class Core:
                 raise SceneError(
                     f"{v.name} starts at {start:g}, which must lie between {low:g} and {high:g}; correct it."
                 )
+            try:
+                self._check(v.name, start)
+            except ValueError as error:
+                raise SceneError(f"{scene}/scene.toml: {error}") from None
         if len(self._by_name) < len(variables):
             names = [v.name for v in variables]
             twice = next(n for n in names if names.count(n) > 1)

@@ -140,7 +140,7 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
         checked[key] = str(content.get(key, default))
     for section, keys in _KNOWN.items():
         given = content.get(section, {})
-        if section == "trim" and section not in content:
+        if section == "trim" and section not in content and section not in changes:
             checked[section] = None
             continue
         if not isinstance(given, dict):

@@ -16,10 +16,9 @@ from .tables import SceneError, Table, name, names, non_negative, number, positi
 class Members:
     """Nodes and elements of a scene.
 
-    `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; over all elements in the
-    order of the groups: `EA` (e,) N of those whose stiffness follows a modulus (0 where it is given), `area` (e,) m^2.
-    `mass` (n,) kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy
-    bring.
+    `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; `area` (e,) m^2 over all
+    elements in the order of the groups, of those whose stiffness follows a modulus, 0 where it is given; `mass` (n,)
+    kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring.
     """
 
     nodes: np.ndarray

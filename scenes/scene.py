@@ -109,7 +109,7 @@ class Scene:
     def trim_angle(self, parameters: dict[str, Any] | None = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.
 
-        Zero for a scene that is not free to pitch. `parameters` override the start values of the aero core.
+        Zero for a scene that is not free to pitch. `parameters` override the start values of the cores.
         """
         if self.content["trim"] is None:
             return 0.0

@@ -31,7 +31,7 @@ ASYMMETRY, LOPSIDED = 1e-9, 1e-6
 class StructuralCore(Core):
     """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
 
-    _hidden = ("_x",)
+    _hidden = ("_x", "_fresh")
 
     def __init__(self, scene):
         self._scene = scene
@@ -44,7 +44,8 @@ class StructuralCore(Core):
         self._chains = None
         super().__init__(scene.name, tuple(self._declared()))
         self._x = self._start_positions()
-        self._show_start()
+        self._fresh = True
+        self._show_shape()
 
     def _pivot_node(self):
         pivot = self._scene.content["structure"]["pivot"]
@@ -110,7 +111,7 @@ class StructuralCore(Core):
         yield output("slack_lines", kind="integer", description="tension-only elements without tension")
         yield output("residual", unit="N", description="out-of-balance force over free dofs after the step")
         text = "out-of-balance force of the state before the step under the loads of the step"
-        yield output("imbalance", unit="N", description=text)
+        yield output("imbalance_before_step", unit="N", description=text)
         yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
         text = "directions in which the equilibrium is unstable under its loads, kept as they are"
         yield output("unstable_modes", kind="integer", description=text)
@@ -134,7 +135,7 @@ class StructuralCore(Core):
             return nodes.copy()
         return rotated(nodes, angle, nodes[self._pivot])
 
-    def _show_start(self):
+    def _show_shape(self):
         self._put("position", self._x)
         self._put("displacement", self._interface.weights @ self._x - self._interface.nodes)
         chains, _ = self._present_chains()
@@ -145,9 +146,11 @@ class StructuralCore(Core):
 
     def _parameter_changed(self, block):
         self._chains = None
+        if self._fresh and block != "trim_angle":
+            self._show_shape()
         if block == "trim_angle":
             self._x = self._start_positions()
-            self._show_start()
+            self._show_shape()
 
     def _restored(self):
         self._chains = None
@@ -185,8 +188,9 @@ class StructuralCore(Core):
 
     def step(self, t: float, dt: float) -> None:
         """Equilibrium under the present loads; the same input again returns the stored output without solving."""
+        self._fresh = False
         if not self._stale:
-            self._put("imbalance", self._values["residual"])
+            self._put("imbalance_before_step", self._values["residual"])
             return
         chains, mirrored = self._present_chains()
         shear = self._values.get("shear")
@@ -229,12 +233,12 @@ class StructuralCore(Core):
         return None if np.any(rows < 0) else rows
 
     def _show(self, result, chains, loads, symmetric):
-        self._show_start()
+        self._show_shape()
         corners = (self._interface.weights @ self._x)[self._interface.panels]
         external = surface_forces(corners, loads.pressure, loads.shear).sum(axis=(0, 1)) + loads.dead.sum(axis=0)
         self._put("support_force", external)
         self._put("residual", result.residual)
-        self._put("imbalance", result.residuals[0])
+        self._put("imbalance_before_step", result.residuals[0])
         self._put("unstable_modes", result.unstable_modes)
         self._put("newton_iterations", result.iterations)
         self._put("symmetry_used", float(symmetric))

@@ -56,5 +56,5 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
         before = after
     raise SceneError(
         f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees has zero pitching "
-        "moment about the pivot; widen [trim] in scene.toml or check the wind."
+        "moment about the pivot; raise wind_speed or lower the mass so that the wind can carry it, or widen [trim]."
     )

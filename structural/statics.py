@@ -136,7 +136,7 @@ class _Solve:
 
     def burst(self):
         """Whole Newton steps, BURST at most; if they do not halve the residual, back to where they began and False."""
-        before = self.q, (self.r, self.k, self.external)
+        before = self.q, self.r, self.k, self.external, self.norm
         start = self.norm
         for _ in range(BURST):
             step = self._step(SMALLEST_SHIFT)
@@ -148,7 +148,7 @@ class _Solve:
             self.damping = 0.0
             return True
         self.status = "max_iterations"
-        self._accept(*before)
+        self.q, self.r, self.k, self.external, self.norm = before
         return False
 
     def guarded_step(self):

@@ -136,6 +136,7 @@ DESCRIPTION = {
         ["panels_per_section"],
     ),
     "default that is no option": (_replaced(TOML, 'default = "structural"', 'default = "curved"'), ["chord", "curved"]),
+    "lines without a modulus": (_replaced(TOML, "line_modulus = 0.55e9", "# line_modulus = 0.55e9"), ["line_modulus"]),
     "setting without default": (_appended(TOML, '\n[settings.sail]\ndescription = "x"\n'), ["settings"]),
 }
 for _key, _old in {

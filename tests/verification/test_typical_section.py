@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from master.acceleration import IQNILS, Aitken, ConstantRelaxation
-from master.coupling import solve
+from master.coupling import SCHEMES, solve
 from master.run import coupled_run
 from tests.verification.pairs import as_fmus, in_process
 
@@ -118,3 +118,10 @@ def test_the_plate_flies_the_same_as_two_fmus(tmp_path):
         outside = solve(coupling, IQNILS(omega0=0.5))
     a, b = (np.array([row["residual_m"] for row in r.history]) for r in (inside, outside))
     np.testing.assert_allclose(b, a, rtol=1e-10)  # the same arithmetic on the same machine
+
+
+@pytest.mark.parametrize("fraction", [1.03, 1.1, 1.5, 3.0])
+def test_the_shipped_plate_beyond_divergence_ends_as_statically_unstable(fraction):
+    q = fraction * divergence_pressure("divergent")
+    run = coupled_run(in_process("typical_section", wind_speed=np.sqrt(2.0 * q / DENSITY)), SCHEMES["iqn-ils"]())
+    assert run.status == "statically_unstable"
