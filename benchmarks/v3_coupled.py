@@ -1,6 +1,6 @@
 """V3 kite coupled: schemes against wind speeds, critical relaxation, strips, symmetry and backends, as markdown tables.
 
-Run as `python benchmarks/v3_coupled.py`; `--quick` leaves out the strips and the timing of the FMUs.
+Run as `python benchmarks/v3_coupled.py`; `--quick` leaves out strips, ranges and the timing of the FMUs.
 """
 
 import contextlib
@@ -112,6 +112,30 @@ def strip_table():
             print(f"| {speed:g} | {chord} | {9 * per_bay} | {modulus / 1e9:g} | {row(result, coupling)} |")
 
 
+def range_table():
+    """Default settings over wind speed and power tape: coupling iterations, or how the run ended."""
+    winds = (7.0, 8.0, 10.0, 12.0, 15.0, 18.0, 20.0, 24.0)
+    print("\n| power tape m | " + " | ".join(f"{w:g} m/s" for w in winds) + " |")
+    print("|" + "---|" * (len(winds) + 1))
+    for tape in (2.6, 2.8, 3.0, 3.129, 3.3, 3.5):
+        cells = []
+        for wind in winds:
+            result = solve(in_process(wind_speed=wind, power_tape_length=tape), SCHEMES["iqn-ils"](), max_iterations=80)
+            cells.append(str(result.iterations) if result.status == "converged" else result.status)
+        print(f"| {tape:g} | " + " | ".join(cells) + " |")
+
+
+def tip_span_line():
+    """Tip span against wind speed with 36 strips on the structural chord, going up in wind."""
+    coupling = in_process({"panels_per_section": 4}, wind_speed=12.0)
+    cells = []
+    for speed in (12, 14, 16, 17, 18, 20):
+        coupling.aero.set("wind_speed", float(speed))
+        result = solve(coupling, SCHEMES["iqn-ils"](), max_iterations=80)
+        cells.append(f"{speed} m/s {float(coupling.aero.get('tip_span')):.2f} m ({result.status})")
+    print("\nStructural chord, 36 strips, tip span with the wind raised step by step: " + ", ".join(cells) + ".")
+
+
 def ramp_line():
     """Design chord at 20 m/s reached by going up in wind speed."""
     coupling = in_process({"chord": "design", "panels_per_section": 4}, wind_speed=8.0)
@@ -159,4 +183,6 @@ if __name__ == "__main__":
     if "--quick" not in sys.argv:
         strip_table()
         ramp_line()
+        tip_span_line()
+        range_table()
         backend_table()
