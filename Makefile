@@ -38,8 +38,10 @@ lint: $(stamp) ## check style, format and types
 
 bench: $(stamp) ## tables of accuracy, convergence and run time; they go to results/bench
 	mkdir -p results/bench
-	$(venv)/bin/python benchmarks/v3_aero.py | tee results/bench/v3_aero.md
-	$(venv)/bin/python benchmarks/v3_coupled.py | tee results/bench/v3_coupled.md
+	$(venv)/bin/python benchmarks/v3_aero.py > results/bench/v3_aero.md
+	cat results/bench/v3_aero.md
+	$(venv)/bin/python benchmarks/v3_coupled.py > results/bench/v3_coupled.md
+	cat results/bench/v3_coupled.md
 
 clean: ## remove .venv, results, caches and build artefacts
 	rm -rf $(venv) results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
