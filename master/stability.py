@@ -71,7 +71,7 @@ def _judged(found: Eigenvalue, unstable_modes: int, symmetric: bool) -> Stabilit
     value = float(real.max()) if above and found.settled else found.value
     if unstable_modes:
         # Signs of det K and det(I - G'): an odd sum is a coupled tangent with an odd number of negative eigenvalues.
-        stable = False if (unstable_modes + above) % 2 else None
+        stable = False if found.settled and (unstable_modes + above) % 2 else None
         text = f"the structure alone has {unstable_modes} unstable directions under these loads"
         return Stability(stable, value, found.evaluations, symmetric, text)
     if above:

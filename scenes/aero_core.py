@@ -37,15 +37,8 @@ class AeroCore(Core):
         self._fresh = True  # no step yet
         self._looked = False  # the present values have been tried without a step
         self._mirrored_polars = self._wing.polars.mirrored()
-        self._about = self._reference_point()
+        self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
         super().__init__(scene.name, tuple(self._declared(content)))
-
-    def _reference_point(self):
-        pivot = self._scene.content["structure"]["pivot"]
-        if pivot is None:
-            return np.zeros(3)
-        members = self._scene.members
-        return members.nodes[members.node(str(pivot), f"{self._scene.name}/scene.toml [structure] pivot")]
 
     def _declared(self, content):
         points, panels = len(self._interface.nodes), len(self._interface.panels)

@@ -36,6 +36,11 @@ class Members:
         except ValueError:
             raise SceneError(f"{where}: node '{label}' is not in the node table; add it or correct the name.") from None
 
+    def mass_with(self, wing_mass: float) -> np.ndarray:
+        """Lumped masses (n,) kg when springs and canopy weigh `wing_mass` kg in the same proportions."""
+        total = float(self.wing_mass.sum())
+        return self.mass if total == 0.0 else self.mass + self.wing_mass * (wing_mass / total - 1.0)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Element names in the order of the groups."""

@@ -64,6 +64,12 @@ class Scene:
         tables = [structure[k] for k in ("nodes", "springs", "canopy", "lines", "masses")] + list(wing.values())
         return ["scene.toml", *(t for t in tables if t)]
 
+    @cached_property
+    def pivot(self) -> int | None:
+        """Index of the node that the structure is free to pitch about, None where scene.toml names none."""
+        label = self.content["structure"]["pivot"]
+        return None if label is None else self.members.node(label, f"{self.name}/scene.toml [structure] pivot")
+
     def structural_core(self):
         """The structural solver core of this scene."""
         from .structural_core import StructuralCore

@@ -38,7 +38,7 @@ class StructuralCore(Core):
         self._members = scene.members
         self._tapes = scene.content["structure"]["tapes"]
         self._interface = scene.interface
-        self._pivot = self._pivot_node()
+        self._pivot = scene.pivot
         self._mirror = mirror_permutation(self._members.nodes)
         self._assemblies: dict[bool, Assembly] = {}
         self._chains = None
@@ -46,12 +46,6 @@ class StructuralCore(Core):
         self._x = self._start_positions()
         self._fresh = True
         self._show_shape()
-
-    def _pivot_node(self):
-        pivot = self._scene.content["structure"]["pivot"]
-        if pivot is None:
-            return None
-        return self._members.node(str(pivot), f"{self._scene.name}/scene.toml [structure] pivot")
 
     @cached_property
     def _rest(self):
@@ -172,12 +166,6 @@ class StructuralCore(Core):
     def _mirrored_supports(self):
         return self._mirror is not None and np.array_equal(self._members.fixed, self._members.fixed[self._mirror])
 
-    def _mass(self):
-        m = self._members
-        if "wing_mass" not in self._values:
-            return m.mass
-        return m.mass + m.wing_mass * (self._scalar("wing_mass") / m.wing_mass.sum() - 1.0)
-
     def _assembly(self, symmetric):
         assembly = self._assemblies.get(symmetric)
         if assembly is None:
@@ -194,7 +182,8 @@ class StructuralCore(Core):
             return
         chains, mirrored = self._present_chains()
         shear = self._values.get("shear")
-        weight = self._mass()[:, None] * np.array([0.0, 0.0, -self._scalar("gravity")])
+        wing_mass = self._scalar("wing_mass") if "wing_mass" in self._values else 0.0
+        weight = self._members.mass_with(wing_mass)[:, None] * np.array([0.0, 0.0, -self._scalar("gravity")])
         loads = Loads(self._values["pressure"], shear, weight)
         symmetric = bool(self._values["symmetric"]) and mirrored and self._symmetric_state(loads)
         assembly = self._assembly(symmetric)

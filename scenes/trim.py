@@ -27,15 +27,12 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
     for name, value in parameters.items():
         if name in declared:
             core.set(name, value)
-    pivot = scene.content["structure"]["pivot"]
-    if pivot is None:
+    if scene.pivot is None:
         raise SceneError(f"{scene.name}/scene.toml: [trim] needs [structure] pivot, the node to turn about; add it.")
-    about = scene.members.nodes[scene.members.node(str(pivot), f"{scene.name}/scene.toml [structure] pivot")]
-    nodes = scene.interface.nodes
-    members = scene.members
+    members, nodes = scene.members, scene.interface.nodes
+    about = members.nodes[scene.pivot]
     gravity = float(parameters.get("gravity", scene.content["structure"]["gravity"]))
-    extra = float(parameters.get("wing_mass", members.wing_mass.sum())) / max(members.wing_mass.sum(), 1e-300) - 1.0
-    weight = gravity * (members.mass + extra * members.wing_mass)
+    weight = gravity * members.mass_with(float(parameters.get("wing_mass", members.wing_mass.sum())))
 
     def moment(angle: float) -> float:
         core.set("displacement", rotated(nodes, angle, about) - nodes)

@@ -71,8 +71,8 @@ class Unknowns:
     def expand(self, q):
         """Node positions (n,3) from the unknowns (q,)."""
         x = self.base.copy()
-        known = self.index >= 0
-        x[known] = self.sign[known] * q[self.index[known]]
+        free = self.index >= 0
+        x[free] = self.sign[free] * q[self.index[free]]
         return x.reshape(-1, 3)
 
     def restrict(self, x):
@@ -88,8 +88,8 @@ class Unknowns:
 
     def gather(self, f):
         """Generalised forces (q,) of nodal forces (n,3)."""
-        known = self.index >= 0
-        return np.bincount(self.index[known], (self.sign * f.reshape(-1))[known], minlength=self.count)
+        free = self.index >= 0
+        return np.bincount(self.index[free], (self.sign * f.reshape(-1))[free], minlength=self.count)
 
 
 def unknowns(nodes, fixed, mirror=None):

@@ -25,6 +25,7 @@ def spectrum(*ritz, settled=True):
         (spectrum(0.3), 3, False),  # det K < 0 and det(I - G') > 0
         (spectrum(1.2), 1, None),  # both negative: an even number of unstable directions, perhaps none
         (spectrum(0.3), 2, None),
+        (spectrum(0.3, settled=False), 3, None),  # the parity of an unknown spectrum is unknown
         (spectrum(0.3, settled=False), 0, None),
         (spectrum(np.nan, settled=False), 0, None),
     ],
