@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from aero import StripPolars, SurfaceGrid, VortexStep
+from aero import SurfaceGrid, VortexStep
 
 from .core import Core
 from .interface import rotated
@@ -24,9 +24,8 @@ class AeroCore(Core):
         content = scene.content["aero"]
         self._scene = scene
         self._interface = scene.interface
-        span = self._interface.span
         self._wing = VortexStep(
-            StripPolars.from_tables(*scene.section_polars(), 0.5 * (span[1:] + span[:-1])),
+            scene.strip_polars(),
             SurfaceGrid(self._interface.sections, self._interface.fractions),
             induction=content["induction"],
             direction=content["direction"],

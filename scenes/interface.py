@@ -1,6 +1,6 @@
 """The interface mesh between structure and flow, and the linear map that hangs it on the structural nodes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,6 +17,7 @@ class Interface:
     `nodes` (n,3) m in the reference configuration, `sections` (s+1, 3) their indices section by section at the
     `fractions` (3,) of the chord, `panels` (2s, 4), `span` (s+1,) position of each section on the design wing (arc
     length fraction of the leading edge), `weights` (n, structural nodes): nodes = weights @ structural nodes exactly.
+    `lines` (k, 2) are the legs of the lines that stand in the wind, as interface nodes, of `diameter` (k,) m.
     """
 
     nodes: np.ndarray
@@ -25,6 +26,8 @@ class Interface:
     panels: np.ndarray
     span: np.ndarray
     weights: sp.csr_array
+    lines: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
+    diameter: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def arc_fraction(points):

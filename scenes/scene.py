@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from aero import StripPolars
+
 from .description import read_description
 from .interface import Interface, arc_fraction, design_interface, structural_interface
 from .members import Members, read_members
@@ -111,6 +113,11 @@ class Scene:
         stacked = np.array([curves[key] for key in sections["polar"]])
         span = arc_fraction(self._design()[0])
         return np.deg2rad(grid), stacked[:, 0], stacked[:, 1], stacked[:, 2], span
+
+    def strip_polars(self) -> StripPolars:
+        """The polars of the lifting-line strips between the sections of the interface."""
+        span = self.interface.span
+        return StripPolars.from_tables(*self.section_polars(), 0.5 * (span[1:] + span[:-1]))
 
     def trim_angle(self, parameters: dict[str, Any] | None = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.
