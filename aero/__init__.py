@@ -1,9 +1,10 @@
-"""Aerodynamic solver: vortex-step method with section polars on deformed wings."""
+"""Aerodynamic solver: vortex-step method with section polars on deformed wings, drag of lines."""
 
 from .circulation import Circulation
+from .line_drag import line_loads
 from .polars import StripPolars
 from .strips import Strips, strips_between
 from .surface_loads import SurfaceGrid
 from .vortex_step import VortexStep, WingLoads
 
-__all__ = ["Circulation", "StripPolars", "Strips", "SurfaceGrid", "VortexStep", "WingLoads", "strips_between"]
+__all__ = ["Circulation", "StripPolars", "Strips", "SurfaceGrid", "VortexStep", "WingLoads", "line_loads", "strips_between"]

@@ -4,7 +4,14 @@ from .assembly import Assembly
 from .chains import Chains, tensions
 from .statics import Equilibrium, equilibrium
 from .structure import Loads, Structure, canonical_chains, canonical_panels, mirror_permutation, mirror_rows
-from .surface import area_vectors, corner_shares, surface_forces, surface_forces_and_tangents
+from .surface import (
+    area_vectors,
+    corner_shares,
+    line_load_forces,
+    line_load_forces_and_tangents,
+    surface_forces,
+    surface_forces_and_tangents,
+)
 
 __all__ = [
     "Assembly",
@@ -17,6 +24,8 @@ __all__ = [
     "canonical_panels",
     "corner_shares",
     "equilibrium",
+    "line_load_forces",
+    "line_load_forces_and_tangents",
     "mirror_permutation",
     "mirror_rows",
     "surface_forces",

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from .carried import CarriedElements
 from .chains import Chains, chain_energy, chain_forces, chain_forces_and_tangents
 from .structure import (
     Loads,
@@ -17,7 +18,12 @@ from .structure import (
     unique_half,
     unknowns,
 )
-from .surface import surface_forces, surface_forces_and_tangents
+from .surface import (
+    line_load_forces,
+    line_load_forces_and_tangents,
+    surface_forces,
+    surface_forces_and_tangents,
+)
 
 
 def _dofs(nodes):
@@ -48,16 +54,25 @@ class Assembly:
         groups = [c.nodes for c in structure.chains]
         if mirror is None:
             self._rows = [(np.arange(len(g)), np.ones(len(g))) for g in groups]
-            panels = np.arange(len(structure.panels)), np.ones(len(structure.panels))
         else:
             self._rows = [unique_half(mirror_rows(g, mirror, canonical_chains)) for g in groups]
-            image = mirror_permutation(structure.surface @ structure.nodes)
-            if image is None:
-                raise ValueError("the interface surface is not mirror-symmetric although the structure is")
-            panels = unique_half(mirror_rows(structure.panels, image, canonical_panels))
-        self._panel_rows, self._panel_weight = panels
-        self._corners = structure.panels[self._panel_rows]
+        image = None if mirror is None else self._surface_image()
+        self._panels = self._carried(structure.panels, canonical_panels, image)
+        self._lines = self._carried(structure.lines, canonical_chains, image)
         self._build_pattern()
+
+    def _surface_image(self):
+        image = mirror_permutation(self.structure.surface @ self.structure.nodes)
+        if image is None:
+            raise ValueError("the interface surface is not mirror-symmetric although the structure is")
+        return image
+
+    def _carried(self, nodes, canonical, image):
+        """Rows of the loaded elements that are solved for, and these elements as the unknowns see them."""
+        rows, weight = np.arange(len(nodes)), np.ones(len(nodes))
+        if image is not None:
+            rows, weight = unique_half(mirror_rows(nodes, image, canonical))
+        return rows, CarriedElements(nodes[rows], weight, self.structure.surface, self.unknowns)
 
     def _build_pattern(self):
         u = self.unknowns
@@ -71,10 +86,10 @@ class Assembly:
             e, m = index.shape
             rows.append(np.broadcast_to(index[:, :, None], (e, m, m)).reshape(-1))
             cols.append(np.broadcast_to(index[:, None, :], (e, m, m)).reshape(-1))
-        surface = self._surface_to_unknowns()
-        load_rows, load_cols, load_panel, load_value = self._load_pairs(surface)
-        r = np.concatenate([*rows, load_rows])
-        c = np.concatenate([*cols, load_cols])
+        carried = [elements for _, elements in (self._panels, self._lines)]
+        entries = [elements.stiffness_entries() for elements in carried]
+        r = np.concatenate([*rows, *(e[0] for e in entries)])
+        c = np.concatenate([*cols, *(e[1] for e in entries)])
         inside = (r >= 0) & (c >= 0)
         key = np.where(inside, c * n + r, n * n)
         unique, where = np.unique(key, return_inverse=True)
@@ -94,67 +109,40 @@ class Assembly:
             self._scatter_k.append(_Scatter(target, pair, self._nnz))
             flat = np.where(index >= 0, index, n).reshape(-1)
             self._scatter_f.append(_Scatter(flat, (weight[:, None] * sign).reshape(-1), n))
-        target = where[start:]
-        keep = target < self._nnz
-        self._load_stiffness = sp.csr_array(
-            (load_value[keep], (target[keep], load_panel[keep])), shape=(self._nnz, 144 * len(self._corners))
-        )
-        self._load_forces = self._panel_forces_to_unknowns(surface)
-        self._corner_map = sp.csr_array(self.structure.surface)[self._corners.reshape(-1)]
-
-    def _surface_to_unknowns(self):
-        """Constant derivative of the corner coordinates (12 p,) with respect to the unknowns, sparse (12 p, q)."""
-        u, h = self.unknowns, sp.csr_array(self.structure.surface)
-        free = u.index >= 0
-        t = sp.csr_array((u.sign[free], (np.flatnonzero(free), u.index[free])), shape=(len(u.index), u.count))
-        h3 = sp.kron(h[self._corners.reshape(-1)], sp.identity(3), format="csr")
-        return sp.csr_array(h3 @ t)
-
-    def _panel_forces_to_unknowns(self, surface):
-        weight = np.repeat(self._panel_weight, 12)
-        return sp.csr_array(surface.multiply(weight[:, None]).T)
-
-    def _load_pairs(self, surface):
-        """Entries that add each panel's load stiffness to the tangent: row, column, position in (p,12,12), factor."""
-        entries = sp.coo_array(sp.csr_array(surface))
-        row, column, value = entries.row, entries.col, entries.data
-        panel = row // 12
-        counts = np.bincount(panel, minlength=len(self._corners))
-        begin = np.cumsum(counts) - counts
-        partners = counts[panel]  # every entry meets all entries of its panel
-        left = np.repeat(np.arange(len(row)), partners)
-        right = begin[panel[left]] + np.arange(len(left)) - np.repeat(np.cumsum(partners) - partners, partners)
-        position = 144 * panel[left] + 12 * (row[left] % 12) + row[right] % 12
-        return column[left], column[right], position, value[left] * value[right] * self._panel_weight[panel[left]]
+        self._load_stiffness = []
+        for elements, (row, _, position, factor) in zip(carried, entries, strict=True):
+            target = where[start : start + len(row)]
+            start += len(row)
+            self._load_stiffness.append(elements.stiffness_map(target, position, factor, self._nnz))
 
     def _parts(self, chains):
         return [c.select(rows) if len(rows) < len(c.l0) else c for c, (rows, _) in zip(chains, self._rows, strict=True)]
 
     def prepare(self, chains: tuple[Chains, ...], loads: Loads):
         """The chains and loads of the solved part, and the constant dead forces, for `residual` and `tangent`."""
-        shear = None if loads.shear is None else loads.shear[self._panel_rows]
-        weight = self.unknowns.gather(loads.dead)
-        return self._parts(chains), loads.pressure[self._panel_rows], shear, weight
-
-    def corners(self, x):
-        """Corner points (p,4,3) of the solved panels at node positions x."""
-        return (self._corner_map @ x).reshape(-1, 4, 3)
+        panels, lines = self._panels[0], self._lines[0]
+        shear = None if loads.shear is None else loads.shear[panels]
+        on_lines = np.zeros((len(lines), 3)) if loads.line_load is None else loads.line_load[lines]
+        return self._parts(chains), (loads.pressure[panels], shear), on_lines, self.unknowns.gather(loads.dead)
 
     def residual(self, q, prepared):
         """Internal minus external generalised forces (q,) N at the unknowns q, and the norm of the external ones."""
-        chains, pressure, shear, weight = prepared
+        chains, on_panels, on_lines, external = prepared
         x = self.unknowns.expand(q)
         internal = np.zeros(self.unknowns.count)
         for part, scatter in zip(chains, self._scatter_f, strict=True):
             internal += scatter(chain_forces(x, part))
-        external = weight
-        if len(self._corners):
-            external = external + self._load_forces @ surface_forces(self.corners(x), pressure, shear).reshape(-1)
+        for (_, elements), kernel, loads in (
+            (self._panels, surface_forces, on_panels),
+            (self._lines, line_load_forces, (on_lines,)),
+        ):
+            if elements.count:
+                external = external + elements.generalised(kernel(elements.corners(x), *loads))
         return internal - external, self.unknowns.norm(external)
 
     def residual_and_tangent(self, q, prepared):
         """Residual (q,) N and consistent tangent (q,q) N/m, chains, load stiffness and all."""
-        chains, pressure, shear, weight = prepared
+        chains, on_panels, on_lines, external = prepared
         x = self.unknowns.expand(q)
         internal = np.zeros(self.unknowns.count)
         data = np.zeros(self._nnz)
@@ -162,11 +150,14 @@ class Assembly:
             f, k = chain_forces_and_tangents(x, part)
             internal += sf(f)
             data += sk(k)
-        external = weight
-        if len(self._corners):
-            f, k = surface_forces_and_tangents(self.corners(x), pressure, shear)
-            external = external + self._load_forces @ f.reshape(-1)
-            data -= self._load_stiffness @ k.reshape(-1)
+        for (_, elements), kernel, loads, stiffness in (
+            (self._panels, surface_forces_and_tangents, on_panels, self._load_stiffness[0]),
+            (self._lines, line_load_forces_and_tangents, (on_lines,), self._load_stiffness[1]),
+        ):
+            if elements.count:
+                f, k = kernel(elements.corners(x), *loads)
+                external = external + elements.generalised(f)
+                data -= stiffness @ k.reshape(-1)
         return internal - external, self.matrix(data), self.unknowns.norm(external)
 
     def matrix(self, data):

@@ -1,6 +1,6 @@
 """A structure: nodes, supports, chains, and the linear map from its nodes to the interface surface."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,7 +15,8 @@ class Structure:
 
     `nodes` (n,3) reference positions m, `fixed` (n,3) bool supported directions, `chains` groups of
     elements with equally many nodes, `surface` (s, n) sparse weights with surface nodes = surface @ nodes, `panels`
-    (p,4) surface node indices (a triangle repeats its last one).
+    (p,4) surface node indices (a triangle repeats its last one), `lines` (k,2) surface nodes of the legs that carry
+    line loads.
     """
 
     nodes: np.ndarray
@@ -23,17 +24,19 @@ class Structure:
     chains: tuple[Chains, ...]
     surface: sp.csr_array
     panels: np.ndarray
+    lines: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels (None: not there), `dead` (n,3) N on
-    nodes.
+    """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels, `dead` (n,3) N on nodes, `line_load` (k,3)
+    N/m on the lines, per current length. None: not there.
     """
 
     pressure: np.ndarray
     shear: np.ndarray | None
     dead: np.ndarray
+    line_load: np.ndarray | None = None
 
 
 def mirror_permutation(points, tolerance=1e-6):

@@ -1,4 +1,4 @@
-"""Follower pressure and dead-direction shear on four-node (or collapsed three-node) surface panels."""
+"""Loads on four-node (or collapsed three-node) panels, follower pressure and dead-direction shear, and on lines."""
 
 import numpy as np
 
@@ -90,3 +90,23 @@ def surface_forces_and_tangents(corners, pressure, shear=None):
     tangent = tangent + force[:, None, :, None, None] * d_w[:, :, None, :, :]
     p = len(corners)
     return w[:, :, None] * force[:, None, :], tangent.reshape(p, 12, 12)
+
+
+def line_load_forces(ends, load):
+    """Forces N (k,2,3) at the `ends` (k,2,3) m of straight lines: half of load (k,3) N/m times current length each."""
+    half = 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None] * load
+    return np.stack([half, half], axis=1)
+
+
+def line_load_forces_and_tangents(ends, load):
+    """`line_load_forces`, and their derivative (k,6,6) N/m with respect to the ends: load (x) dl/dx / 2, l the length.
+
+    A load keeps its direction and its size per length; a line without length has no derivative and gets zeros.
+    """
+    d = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(d, axis=1)[:, None]
+    u = d / np.where(length > 0.0, length, 1.0)
+    slope = np.concatenate([-u, u], axis=1)  # dl/dx
+    half = 0.5 * length * load
+    row = 0.5 * load[:, :, None] * slope[:, None, :]
+    return np.stack([half, half], axis=1), np.concatenate([row, row], axis=1)
