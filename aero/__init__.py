@@ -7,4 +7,13 @@ from .strips import Strips, strips_between
 from .surface_loads import SurfaceGrid
 from .vortex_step import VortexStep, WingLoads
 
-__all__ = ["Circulation", "StripPolars", "Strips", "SurfaceGrid", "VortexStep", "WingLoads", "line_loads", "strips_between"]
+__all__ = [
+    "Circulation",
+    "StripPolars",
+    "Strips",
+    "SurfaceGrid",
+    "VortexStep",
+    "WingLoads",
+    "line_loads",
+    "strips_between",
+]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from aero import SurfaceGrid, VortexStep
+from aero import SurfaceGrid, VortexStep, line_loads
 
 from .core import Core
 from .interface import rotated
@@ -57,6 +57,12 @@ class AeroCore(Core):
         start = self._scene.content["structure"]["symmetric"]
         text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
         yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
+        if len(self._interface.lines):
+            drag = partial(tunable, minimum=0.0, maximum=100.0)
+            text = "drag coefficient of lines across the flow, on diameter times length"
+            yield drag("line_normal_drag", start=content["line_normal_drag"], description=text)
+            text = "friction coefficient of lines along the flow, on diameter times length"
+            yield drag("line_friction", start=content["line_friction"], description=text)
         if self._scene.content["trim"] is not None:
             text = "rigid nose-up rotation about the pivot in which the wing starts"
             fixed = partial(tunable, variability="fixed", minimum=-3.2, maximum=3.2)
@@ -65,12 +71,21 @@ class AeroCore(Core):
         yield output("pressure", (panels,), unit="Pa", description="net pressure on each interface panel")
         if content["section_force"] != "normal":
             yield output("shear", (panels, 3), unit="Pa", description="traction on each interface panel")
-        area = f"on the reference area {content['reference_area']:g} m2"
+        if len(self._interface.lines):
+            text = "wind load on each exposed line per current length"
+            yield output("line_load", (len(self._interface.lines), 3), unit="N/m", description=text)
+        area = f"of the wing on the reference area {content['reference_area']:g} m2"
         yield output("CL", description=f"lift coefficient {area}")
         yield output("CD", description=f"drag coefficient {area}")
         yield output("CS", description=f"side force coefficient {area}")
         yield output("force", (3,), unit="N", description="aerodynamic force on the wing")
-        yield output("moment", (3,), unit="N.m", description="aerodynamic moment about the pivot (origin without one)")
+        text = "aerodynamic moment on the wing about the pivot (origin without one)"
+        yield output("moment", (3,), unit="N.m", description=text)
+        if len(self._interface.lines):
+            yield output("line_force", (3,), unit="N", description="aerodynamic force on the exposed lines")
+            text = "aerodynamic moment on the exposed lines about the pivot (origin without one)"
+            yield output("line_moment", (3,), unit="N.m", description=text)
+        yield output("glide_ratio", description="lift over drag of the wing and the exposed lines together")
         text = "angle of the mid-span chord to the free stream"
         yield output("alpha_mid", unit="rad", description=text)
         yield output("alpha", (strips,), unit="rad", description="effective angle of attack of each strip")
@@ -158,6 +173,8 @@ class AeroCore(Core):
         self._put("pressure", loads.pressure)
         if loads.shear is not None:
             self._put("shear", loads.shear)
+        total = force + self._show_lines(nodes, speed * direction)
+        self._put("glide_ratio", (total @ across) / (total @ direction) if total @ direction != 0.0 else 0.0)
         self._put("CL", force @ across / q_area)
         self._put("CD", force @ direction / q_area)
         self._put("CS", force @ np.cross(across, direction) / q_area)
@@ -167,7 +184,7 @@ class AeroCore(Core):
         circulation = loads.circulation
         self._put("alpha", circulation.alpha)
         self._put("circulation", circulation.gamma)
-        self._put("span", np.ptp(nodes[:, 1]))
+        self._put("span", np.ptp(nodes[self._interface.sections, 1]))
         bound = loads.strips.bound
         self._put("tip_span", np.linalg.norm(bound[-1] - bound[0]))
         self._put("strips_beyond_polar", np.count_nonzero(circulation.outside))
@@ -175,6 +192,19 @@ class AeroCore(Core):
         self._put("residual", circulation.residual)
         self._put("newton_iterations", circulation.newton_iterations)
         self._put("symmetry_used", float(symmetric))
+
+    def _show_lines(self, nodes, wind):
+        """Put out the loads on the exposed lines; their force (3,) N."""
+        if not len(self._interface.lines):
+            return np.zeros(3)
+        ends = nodes[self._interface.lines]
+        coefficients = self._scalar("line_normal_drag"), self._scalar("line_friction")
+        load = line_loads(ends, self._interface.diameter, wind, self._scalar("air_density"), *coefficients)
+        force = load * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
+        self._put("line_load", load)
+        self._put("line_force", force.sum(axis=0))
+        self._put("line_moment", np.cross(ends.mean(axis=1) - self._about, force).sum(axis=0))
+        return force.sum(axis=0)
 
     def _mid_span_angle(self, nodes, direction):
         """Angle of the chord at the middle of the span (mean of the middle sections) to the wind, rad."""

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from aero.line_drag import FRICTION, NORMAL_DRAG
+
 from .tables import SceneError
 
 
@@ -86,6 +88,9 @@ def _tapes(value: Any) -> dict[str, list[str]]:
     return value
 
 
+# Settings with a meaning of their own: scenes may offer these options and no others.
+_OPTIONS = {"chord": ("structural", "design"), "line_drag": ("on", "off")}
+
 # Section -> key -> (check, default); a default of `...` means that the key must be given.
 _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
     "structure": {
@@ -112,6 +117,8 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
         "wind_direction": (_direction, [1.0, 0.0, 0.0]),
         "air_density": (_number(above=0.0), 1.225),
         "reference_area": (_number(above=0.0), ...),
+        "line_normal_drag": (_number(low=0.0), NORMAL_DRAG),
+        "line_friction": (_number(low=0.0), FRICTION),
     },
     "trim": {"lowest_deg": (_number(), -5.0), "highest_deg": (_number(), 25.0)},
 }
@@ -174,6 +181,8 @@ def _options(label: str, settings: Any) -> dict[str, dict[str, Any]]:
             choices = option.get("options")
             if not isinstance(choices, list) or not choices or not all(isinstance(c, str) for c in choices):
                 raise SceneError(f"{place} options must be a list of texts that the setting may have; add it.")
+            if odd := [c for c in choices if c not in _OPTIONS.get(key, choices)]:
+                raise SceneError(f"{place} option '{odd[0]}' has no meaning; there are: {', '.join(_OPTIONS[key])}.")
         elif isinstance(default, bool) or not isinstance(default, int):
             raise SceneError(f"{place} default must be a text or a whole number; correct it.")
         else:

@@ -1,6 +1,6 @@
 """The interface mesh between structure and flow, and the linear map that hangs it on the structural nodes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -74,6 +74,28 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
         w = weights[[i], around].toarray().ravel()
         weights[[i], around] = w + np.linalg.lstsq(a, np.append(p, 1.0) - a @ w, rcond=None)[0]
     return _interface(points, sp.csr_array(weights), span)
+
+
+def with_lines(interface, nodes, legs, diameter):
+    """The interface with the lines `legs` (k,2) of structural nodes (n,3) and their `diameter` (k,) m added.
+
+    A line ends at the interface node that is its structural node already, where there is one, else at a new node.
+    """
+    weights = interface.weights
+    single = np.flatnonzero(np.diff(weights.indptr) == 1)
+    single = single[weights.data[weights.indptr[single]] == 1.0]
+    place = np.full(len(nodes), -1)
+    place[weights.indices[weights.indptr[single]]] = single
+    new = np.setdiff1d(legs, np.flatnonzero(place >= 0))
+    place[new] = len(interface.nodes) + np.arange(len(new))
+    unit = sp.csr_array((np.ones(len(new)), (np.arange(len(new)), new)), shape=(len(new), len(nodes)))
+    return replace(
+        interface,
+        nodes=np.concatenate([interface.nodes, nodes[new]]),
+        weights=sp.csr_array(sp.vstack([weights, unit])),
+        lines=place[legs],
+        diameter=diameter,
+    )
 
 
 def rotated(points, angle, about):

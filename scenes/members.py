@@ -41,6 +41,18 @@ class Members:
         total = float(self.wing_mass.sum())
         return self.mass if total == 0.0 else self.mass + self.wing_mass * (wing_mass / total - 1.0)
 
+    def line_legs(self):
+        """Legs (k,2) as nodes of all elements of the line table, sheave by sheave, and their diameters (k,) m."""
+        legs, diameter, start = [], [], 0
+        for group in self.chains:
+            area = self.area[start : start + len(group.l0)]
+            start += len(group.l0)
+            ropes = group.nodes[area > 0.0]
+            pairs = np.stack([ropes[:, :-1], ropes[:, 1:]], axis=2)
+            legs.append(pairs.reshape(-1, 2))
+            diameter.append(np.repeat(np.sqrt(4.0 / np.pi * area[area > 0.0]), pairs.shape[1]))
+        return np.concatenate(legs), np.concatenate(diameter)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Element names in the order of the groups."""

@@ -10,7 +10,7 @@ import numpy as np
 from aero import StripPolars
 
 from .description import read_description
-from .interface import Interface, arc_fraction, design_interface, structural_interface
+from .interface import Interface, arc_fraction, design_interface, structural_interface, with_lines
 from .members import Members, read_members
 from .tables import SceneError, name, number, read_table
 
@@ -33,13 +33,18 @@ class Scene:
 
     @cached_property
     def interface(self) -> Interface:
-        """The interface mesh for the chosen chord and number of strips."""
+        """The interface mesh for the chosen chord and number of strips, with the lines where they have drag."""
         per_bay = int(self.settings.get("panels_per_section", 1))
         nodes = self.members.nodes
         if self.settings.get("chord", "structural") == "design":
             le, te = self._design()
-            return design_interface(nodes, self.struts, le, te, per_bay)
-        return structural_interface(nodes, self.struts, per_bay)
+            interface = design_interface(nodes, self.struts, le, te, per_bay)
+        else:
+            interface = structural_interface(nodes, self.struts, per_bay)
+        legs, diameter = self.members.line_legs()
+        if self.settings.get("line_drag", "off") == "on" and len(legs):
+            return with_lines(interface, nodes, legs, diameter)
+        return interface
 
     def _design(self):
         t = self._sections

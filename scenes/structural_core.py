@@ -11,6 +11,7 @@ from structural import (
     canonical_chains,
     canonical_panels,
     equilibrium,
+    line_load_forces,
     mirror_permutation,
     mirror_rows,
     surface_forces,
@@ -70,6 +71,9 @@ class StructuralCore(Core):
         if self._scene.content["aero"]["section_force"] != "normal":
             text = "traction on each interface panel, keeps its global direction"
             yield Variable("shear", (panels, 3), unit="Pa", description=text)
+        if len(self._interface.lines):
+            text = "wind load on each exposed line per current length, keeps its global direction"
+            yield Variable("line_load", (len(self._interface.lines), 3), unit="N/m", description=text)
         tunable = partial(Variable, causality="parameter", variability="tunable")
         gravity = content["gravity"]
         text = "gravity, towards -z"
@@ -170,7 +174,7 @@ class StructuralCore(Core):
         assembly = self._assemblies.get(symmetric)
         if assembly is None:
             m, i = self._members, self._interface
-            structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels)
+            structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines)
             assembly = self._assemblies[symmetric] = Assembly(structure, self._mirror if symmetric else None)
         return assembly
 
@@ -184,7 +188,7 @@ class StructuralCore(Core):
         shear = self._values.get("shear")
         wing_mass = self._scalar("wing_mass") if "wing_mass" in self._values else 0.0
         weight = self._members.mass_with(wing_mass)[:, None] * np.array([0.0, 0.0, -self._scalar("gravity")])
-        loads = Loads(self._values["pressure"], shear, weight)
+        loads = Loads(self._values["pressure"], shear, weight, self._values.get("line_load"))
         symmetric = bool(self._values["symmetric"]) and mirrored and self._symmetric_state(loads)
         assembly = self._assembly(symmetric)
         result = equilibrium(assembly, chains, loads, self._x, atol=self._scalar("solver_tolerance"))
@@ -199,32 +203,42 @@ class StructuralCore(Core):
 
     def _symmetric_state(self, loads):
         """Whether loads and present positions are mirror-symmetric, so that a half model gives the whole answer."""
-        image = self._panel_image
-        if image is None:
+        images = self._images
+        if images is None:
             return False
-        scale = np.abs(loads.pressure).max(initial=0.0)
+        panels, lines = images
         flip = np.array([1.0, -1.0, 1.0])
-        odd = np.abs(loads.pressure - loads.pressure[image]).max(initial=0.0)
-        if loads.shear is not None:
-            scale = max(scale, np.abs(loads.shear).max(initial=0.0))
-            odd = max(odd, np.abs(loads.shear - loads.shear[image] * flip).max(initial=0.0))
-        dead = np.abs(loads.dead - loads.dead[self._mirror] * flip).max()
-        lopsided = np.abs(self._x - self._x[self._mirror] * flip).max()
-        return odd <= ASYMMETRY * scale and dead <= ASYMMETRY * np.abs(loads.dead).max() and lopsided <= LOPSIDED
+
+        def mirrored(values, image, sign=1.0, scale=None):
+            odd = np.abs(values - values[image] * sign).max(initial=0.0)
+            return odd <= ASYMMETRY * (np.abs(values).max(initial=0.0) if scale is None else scale)
+
+        scale = max(np.abs(a).max(initial=0.0) for a in (loads.pressure, loads.shear) if a is not None)
+        return (
+            mirrored(loads.pressure, panels, scale=scale)
+            and (loads.shear is None or mirrored(loads.shear, panels, flip, scale))
+            and (loads.line_load is None or mirrored(loads.line_load, lines, flip))
+            and mirrored(loads.dead, self._mirror, flip)
+            and np.abs(self._x - self._x[self._mirror] * flip).max() <= LOPSIDED
+        )
 
     @cached_property
-    def _panel_image(self):
-        """Row of the mirror image of every panel, or None."""
+    def _images(self):
+        """Rows of the mirror images of every panel and of every exposed line, or None where one has no image."""
         nodes = mirror_permutation(self._interface.nodes)
         if nodes is None:
             return None
-        rows = mirror_rows(self._interface.panels, nodes, canonical_panels)
-        return None if np.any(rows < 0) else rows
+        panels = mirror_rows(self._interface.panels, nodes, canonical_panels)
+        lines = mirror_rows(self._interface.lines, nodes, canonical_chains)
+        return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
 
     def _show(self, result, chains, loads, symmetric):
         self._show_shape()
-        corners = (self._interface.weights @ self._x)[self._interface.panels]
+        surface = self._interface.weights @ self._x
+        corners = surface[self._interface.panels]
         external = surface_forces(corners, loads.pressure, loads.shear).sum(axis=(0, 1)) + loads.dead.sum(axis=0)
+        if loads.line_load is not None:
+            external += line_load_forces(surface[self._interface.lines], loads.line_load).sum(axis=(0, 1))
         self._put("support_force", external)
         self._put("residual", result.residual)
         self._put("imbalance_before_step", result.residuals[0])

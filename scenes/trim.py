@@ -23,6 +23,7 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
     holds no such angle.
     """
     core = scene.aero_core()
+    names = {v.name for v in core.variables}
     declared = {v.name for v in core.variables if v.causality == "parameter"}
     for name, value in parameters.items():
         if name in declared:
@@ -41,7 +42,8 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
         except StepFailed as error:
             raise SceneError(f"{scene.name}: no trim angle can be found for this wind: {error}") from None
         arm = rotated(members.nodes, angle, about)[:, 0] - about[0]
-        return float(core.get("moment")[1] + weight @ arm)
+        air = core.get("moment") + (core.get("line_moment") if "line_moment" in names else 0.0)
+        return float(air[1] + weight @ arm)
 
     low, high = (np.deg2rad(scene.content["trim"][key]) for key in ("lowest_deg", "highest_deg"))
     angles = np.linspace(low, high, max(2, int(np.ceil((high - low) / np.deg2rad(STEP_DEG))) + 1))

@@ -179,6 +179,7 @@ PLACES = {
     "minimum of panels": ("v3_kite", "minimum = 1\n", "minimum = {}\n"),
     "maximum of panels": ("v3_kite", "maximum = 40\n", "maximum = {}\n"),
     "options of chord": ("v3_kite", 'options = ["structural", "design"]', "options = {}"),
+    "line_drag": ("v3_kite", 'options = ["on", "off"]', 'options = ["on", {}]'),
     "default of chord": ("v3_kite", 'default = "structural"', "default = {}"),
     "nodes": ("v3_kite", 'nodes = "nodes.csv"', "nodes = {}"),
     "lines": ("v3_kite", 'lines = "lines.csv"', "lines = {}"),
@@ -257,6 +258,7 @@ def test_wrong_type_anywhere_in_the_description_is_refused(place, value, tmp_pat
         ({"sail": 1}, ["'sail'", "chord", "panels_per_section"]),
         ({"chord": "curved"}, ["chord", "'curved'", "design"]),
         ({"chord": ["design"]}, ["chord"]),
+        ({"line_drag": "yes"}, ["line_drag", "'yes'", "on, off"]),
         ({"panels_per_section": "two"}, ["panels_per_section", "'two'"]),
         ({"panels_per_section": "1.5"}, ["panels_per_section"]),
         ({"panels_per_section": 0}, ["panels_per_section", "between 1 and 40"]),
@@ -274,6 +276,14 @@ def test_bad_setting_is_refused_with_what_would_do(settings, words):
 
 def test_unknown_variant_is_refused():
     assert "restoring" in _refused("typical_section", {"variant": "plain"})
+
+
+def test_option_without_a_meaning_is_refused_with_those_that_have_one(tmp_path):
+    folder = copy_of("v3_kite", tmp_path)
+    edited(folder, TOML, 'options = ["structural", "design"]', 'options = ["structural", "curved"]')
+    message = _refused(folder)
+    for word in (TOML, "chord", "'curved'", "structural, design"):
+        assert word in message
 
 
 @pytest.mark.parametrize(

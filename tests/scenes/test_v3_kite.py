@@ -1,5 +1,7 @@
 """Facts of the V3 kite scene that its sources and its mirror symmetry fix."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -77,9 +79,27 @@ def test_map_returns_the_interface_in_the_reference_configuration(settings):
     assert np.abs(np.asarray(i.weights.sum(axis=1)) - 1.0).max() <= 1e-13
     per_bay = settings["panels_per_section"]
     assert len(i.panels) == 2 * 9 * per_bay
-    assert len(i.nodes) == 3 * (9 * per_bay + 1)
+    on_the_wing = 3 * (9 * per_bay + 1)
+    assert np.array_equal(np.unique(i.sections), np.arange(on_the_wing))
+    assert len(scenes.load("v3_kite", {**settings, "line_drag": "off"}).interface.nodes) == on_the_wing
     core = scene.structural_core()
     assert np.abs(core.get("displacement")).max() <= 1e-13 * 11.0
+
+
+@pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: f"{s['chord']}-{s['panels_per_section']}")
+def test_every_leg_of_the_bridle_stands_in_the_wind_once_between_its_structural_nodes(settings):
+    scene = scenes.load("v3_kite", settings)
+    i, m = scene.interface, scene.members
+    ropes = [nodes for c in m.chains for nodes, two_way in zip(c.nodes, c.two_way, strict=True) if not two_way]
+    legs = [frozenset(pair) for nodes in ropes for pair in itertools.pairwise(nodes.tolist())]
+    assert len(i.lines) == len(legs) == 37 + 6  # 37 lines, six of which run over a sheave
+    of_node = i.weights[i.lines.ravel()].toarray()
+    assert np.array_equal(np.sort(of_node, axis=1)[:, -2:], np.tile([0.0, 1.0], (len(of_node), 1)))
+    assert [frozenset(pair) for pair in of_node.argmax(axis=1).reshape(-1, 2).tolist()] == legs
+    # diameters of the line table: 5 mm from the pulleys down, 2 mm else
+    assert set(np.round(i.diameter, 12)) == {0.002, 0.005}
+    if settings["chord"] == "structural":  # a line ends at the node of the wing that it holds
+        assert len(np.unique(i.nodes, axis=0)) == len(i.nodes)
 
 
 def test_structural_sections_end_at_the_strut_nodes_and_design_sections_at_the_design_wing():
@@ -119,7 +139,7 @@ def test_trim_angle_leaves_no_pitching_moment_of_air_and_weight(kite):
         air.set("displacement", nodes @ turned.T - nodes)
         air.step(0.0, 0.0)
         weight = 9.81 * kite.members.mass @ (kite.members.nodes @ turned.T)[:, 0]
-        moments.append(air.get("moment")[1] + weight)
+        moments.append(air.get("moment")[1] + air.get("line_moment")[1] + weight)
     slope = (moments[1] - moments[0]) / 1e-3
     assert slope < 0.0  # nose-up turns are turned back: stable
     assert abs(moments[0]) <= 2e-6 * abs(slope)  # the angle is found to 1e-6 rad

@@ -39,14 +39,15 @@ def chains(nodes, l0, k, two_way=False):
     )
 
 
-def structure(nodes, fixed, groups, surface=None, panels=None):
+def structure(nodes, fixed, groups, surface=None, panels=None, lines=None):
     """Structure without a surface unless one is given; `fixed` may be one flag a node."""
     nodes = np.asarray(nodes, float)
     fixed = np.asarray(fixed, bool)
     fixed = np.repeat(fixed[:, None], 3, axis=1) if fixed.ndim == 1 else fixed
     surface = sp.csr_array((0, len(nodes))) if surface is None else sp.csr_array(surface)
     panels = np.zeros((0, 4), dtype=int) if panels is None else np.asarray(panels)
-    return Structure(nodes, fixed, tuple(groups), surface, panels)
+    lines = np.zeros((0, 2), dtype=int) if lines is None else np.asarray(lines)
+    return Structure(nodes, fixed, tuple(groups), surface, panels, lines)
 
 
 def dead(weight):
@@ -73,8 +74,8 @@ def residual_of(assembly, groups, loads):
 def random_mirrored(rng, pairs=6, in_plane=3):
     """A random mirror-symmetric structure of springs, lines and ropes over 1 to 3 sheaves, with a surface hung on it.
 
-    The surface has quads, a triangle and panels that reach over the plane; its nodes are affine combinations of
-    structural nodes, some with negative weights. Returns structure, mirror permutation, pressure and shear.
+    The surface has quads, a triangle, panels and loaded lines that reach over the plane; its nodes are affine
+    combinations of structural nodes, some with negative weights. Returns structure, loads and mirror permutation.
     """
     right = rng.uniform([-1, 0.4, -1], [1, 2, 1], (pairs, 3))
     middle = rng.uniform([-1, 0, -1], [1, 0, 1], (in_plane, 3))
@@ -125,8 +126,13 @@ def _with_surface(rng, nodes, fixed, groups, mirror, pairs):
     s = rng.uniform(-100, 100, (3, 3))
     pressure = np.concatenate([p, p, rng.uniform(-200, 200, 1)])
     shear = np.concatenate([s, s * MIRROR, rng.uniform(-100, 100, (1, 3)) * [1, 0, 1]])
+    legs = np.array([[0, 4], [2, 10]])
+    lines = np.concatenate([legs, image[legs], [[1, 6]]])
+    w = np.array([[50.0, -20.0, 30.0], [-40.0, 35.0, 10.0]])
+    line_load = np.concatenate([w, w * MIRROR, [[25.0, 0.0, -45.0]]])
     # the image of a triangle (a, b, c, c) listed backwards is (a, c, c, b): collapsed at another corner, same panel
-    return structure(nodes, fixed, groups, surface, panels), Loads(pressure, shear, np.zeros_like(nodes))
+    loads = Loads(pressure, shear, np.zeros_like(nodes), line_load)
+    return structure(nodes, fixed, groups, surface, panels, lines), loads
 
 
 def saddle(g, ratio, two_way):

@@ -5,7 +5,7 @@ import pytest
 import scipy.sparse as sp
 
 import scenes
-from structural import Assembly, Loads, Structure, equilibrium, mirror_permutation, surface_forces
+from structural import Assembly, Loads, Structure, equilibrium, line_load_forces, mirror_permutation, surface_forces
 from structural.chains import chain_forces
 from tests.structural.models import (
     TANGENT_TOLERANCE,
@@ -33,7 +33,7 @@ def _kite():
     """Structure of the V3 kite, its mirror permutation and loads of the size met in flight, mirror-symmetric."""
     scene = scenes.load("v3_kite")
     m, i = scene.members, scene.interface
-    s = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels)
+    s = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines)
     rng = np.random.default_rng(1)
     half = len(i.panels) // 4 + 1  # 9 strips: the middle one is its own image
     p, t = rng.uniform(50, 300, (2, half)), rng.uniform(-20, 20, (2, half, 3))
@@ -41,7 +41,8 @@ def _kite():
     pressure = np.concatenate([p, p[:, -2::-1]], axis=1).ravel()
     shear = np.concatenate([t, t[:, -2::-1] * [1, -1, 1]], axis=1).reshape(-1, 3)
     weight = m.mass[:, None] * np.array([0.0, 0.0, -9.81])
-    return s, mirror_permutation(m.nodes), Loads(pressure, shear, weight)
+    line_load = np.tile([0.2, 0.0, -0.05], (len(i.lines), 1))  # N/m: lines of 2 mm in 12 m/s
+    return s, mirror_permutation(m.nodes), Loads(pressure, shear, weight, line_load)
 
 
 def _kite_at_trim():
@@ -160,21 +161,25 @@ def test_surface_loads_reach_the_nodes_with_their_force_moment_and_virtual_work(
     rng = np.random.default_rng(5)
     s, loads, mirror = random_mirrored(rng)
     slack = chains([[0, 1], mirror[[0, 1]]], 1e3, 1.0)
-    s = Structure(s.nodes, np.zeros_like(s.fixed), (slack,), s.surface, s.panels)  # nothing but the surface bears
+    s = structure(s.nodes, np.zeros_like(s.fixed), [slack], s.surface, s.panels, s.lines)  # only the surface bears
     assembly = Assembly(s, mirror if symmetric else None)
     q = assembly.unknowns.restrict(s.nodes)
     r, _ = residual_of(assembly, s.chains, loads)
     dq = rng.normal(size=len(q))
     x = assembly.unknowns.expand(q)
     dx = assembly.unknowns.expand(q + dq) - x
-    corners, d_corners = ((s.surface @ a)[s.panels] for a in (x, dx))
-    force = surface_forces(corners, loads.pressure, loads.shear)
+    places, moves = (
+        np.concatenate([(s.surface @ a)[s.panels.ravel()], (s.surface @ a)[s.lines.ravel()]]) for a in (x, dx)
+    )
+    on_panels = surface_forces((s.surface @ x)[s.panels], loads.pressure, loads.shear)
+    on_lines = line_load_forces((s.surface @ x)[s.lines], loads.line_load)
+    force = np.concatenate([on_panels.reshape(-1, 3), on_lines.reshape(-1, 3)])
     size = np.abs(force).sum() * 10.0  # arms and displacements of some metres
-    assert -r(q) @ dq == pytest.approx(np.sum(force * d_corners), abs=1e-14 * size)  # rounding
+    assert -r(q) @ dq == pytest.approx(np.sum(force * moves), abs=1e-14 * size)  # rounding
     if not symmetric:
         on_nodes = -assembly.unknowns.expand(r(q))
-        assert on_nodes.sum(axis=0) == pytest.approx(force.sum(axis=(0, 1)), abs=1e-14 * size)
-        moment = np.cross(corners, force).sum(axis=(0, 1))
+        assert on_nodes.sum(axis=0) == pytest.approx(force.sum(axis=0), abs=1e-14 * size)
+        moment = np.cross(places, force).sum(axis=0)
         assert np.cross(x, on_nodes).sum(axis=0) == pytest.approx(moment, abs=1e-14 * size)
 
 

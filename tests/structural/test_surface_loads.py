@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from structural import area_vectors, corner_shares, surface_forces, surface_forces_and_tangents
+from structural import (
+    area_vectors,
+    corner_shares,
+    line_load_forces,
+    line_load_forces_and_tangents,
+    surface_forces,
+    surface_forces_and_tangents,
+)
 from tests.structural.models import TANGENT_TOLERANCE, central_difference
 
 SQUARE = np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 1.0, 0], [0, 1.0, 0]])
@@ -135,3 +142,22 @@ def test_load_stiffness_knows_translation_and_rotation():
     spin = rng.normal(size=3)
     turned = np.einsum("pij,pj->pi", k, np.cross(spin, x).reshape(50, 12)).reshape(50, 4, 3)
     assert np.abs(turned - np.cross(spin, force)).max() <= rounding
+
+
+def test_line_load_is_force_per_current_length_shared_by_both_ends_with_its_exact_stiffness():
+    rng = np.random.default_rng(4)
+    ends, load = rng.normal(size=(100, 2, 3)), rng.normal(scale=50.0, size=(100, 3))
+    force, tangent = line_load_forces_and_tangents(ends, load)
+    assert np.array_equal(force, line_load_forces(ends, load))
+    assert np.array_equal(force[:, 0], force[:, 1])
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    assert force.sum(axis=1) == pytest.approx(length[:, None] * load, rel=1e-14)
+    for x, w, k in zip(ends, load, tangent, strict=True):
+        slope = central_difference(lambda y, w=w: line_load_forces(y[None], w[None]), x)
+        assert np.abs(slope - k).max() <= TANGENT_TOLERANCE * np.abs(k).max()
+
+
+def test_line_of_no_length_carries_nothing():
+    force, tangent = line_load_forces_and_tangents(np.ones((1, 2, 3)), np.ones((1, 3)))
+    assert not np.any(force)
+    assert not np.any(tangent)

@@ -21,12 +21,18 @@ def outputs(coupling):
     return {b: p.get(b) for p in pair for b, c in p.causality.items() if c == "output"}
 
 
+@pytest.fixture(scope="module", params=["on", "off"], ids=lambda p: f"line drag {p}")
+def line_drag(request):
+    """With drag of the bridle, as it flies, and without, as the figures of others were made."""
+    return {"line_drag": request.param}
+
+
 @pytest.fixture(scope="module")
-def equilibria():
+def equilibria(line_drag):
     """Per wind speed: the default solve, its coupling, the start displacement, and all outputs at the end."""
     out = {}
     for speed in SPEEDS:
-        coupling = in_process("v3_kite", wind_speed=speed)
+        coupling = in_process("v3_kite", line_drag, wind_speed=speed)
         start = coupling.structural.get("displacement")
         result = solve(coupling, SCHEMES["iqn-ils"]())
         out[speed] = result, coupling, start, outputs(coupling)
@@ -56,14 +62,15 @@ def test_the_default_scheme_converges_from_the_trim_start_in_few_coupling_iterat
 
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("name", ["aitken", "relaxation", "explicit"])
-def test_every_scheme_that_converges_finds_the_same_branch(equilibria, factors, speed, name):
+def test_every_scheme_that_converges_finds_the_same_branch(line_drag, equilibria, factors, speed, name):
+    coupling = in_process("v3_kite", line_drag, wind_speed=speed)
     if name == "explicit" and speed == 20.0:
         assert factors[speed][1] < 1.0  # explicit is relaxation by one, beyond the critical factor
-        outcome = solve(in_process("v3_kite", wind_speed=speed), ConstantRelaxation(1.0), max_iterations=60)
-        assert outcome.status != "converged"
+        outcome = solve(coupling, ConstantRelaxation(1.0), max_iterations=60)
+        apart = float(coupling.aero.get("tip_span")) - float(equilibria[speed][3]["tip_span"])
+        assert outcome.status != "converged" or abs(apart) > 1.0  # m: driven off, it may end with folded tips
         return
     scheme = {"aitken": Aitken(0.5), "explicit": ConstantRelaxation(1.0)}.get(name)
-    coupling = in_process("v3_kite", wind_speed=speed)
     # Half the critical factor: well inside, and from the trim start itself.
     result = solve(coupling, scheme or ConstantRelaxation(0.5 * factors[speed][1]))
     assert result.status == "converged"
@@ -94,7 +101,8 @@ def test_the_flown_shape_is_physical(equilibria, speed):
     assert float(out["slack_lines"]) <= 4
     weight = np.array([0.0, 0.0, -9.81 * structural_mass()])
     force = out["support_force"]
-    np.testing.assert_allclose(force, out["force"] + weight, atol=1e-2)  # what residual_N may leave
+    air = out["force"] + out.get("line_force", 0.0)
+    np.testing.assert_allclose(force, air + weight, atol=1e-2)  # what residual_N may leave
     assert np.all(np.abs(np.rad2deg(out["alpha"])) < 15.0)  # no strip is stalled
     assert float(out["stall_viscosity"]) == 0.0
 
@@ -111,12 +119,12 @@ def test_more_wind_pulls_harder_and_lowers_the_angle_of_attack(equilibria):
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
-def test_the_kite_is_stable_in_symmetric_motions_and_unstable_in_roll(speed):
-    symmetric = coupled_run(in_process("v3_kite", wind_speed=speed), SCHEMES["iqn-ils"]())
+def test_the_kite_is_stable_in_symmetric_motions_and_unstable_in_roll(line_drag, speed):
+    symmetric = coupled_run(in_process("v3_kite", line_drag, wind_speed=speed), SCHEMES["iqn-ils"]())
     assert symmetric.status == "converged"
     assert symmetric.stability is not None
     assert symmetric.stability.symmetric_only
-    whole = coupled_run(in_process("v3_kite", wind_speed=speed, symmetric=0.0), SCHEMES["iqn-ils"]())
+    whole = coupled_run(in_process("v3_kite", line_drag, wind_speed=speed, symmetric=0.0), SCHEMES["iqn-ils"]())
     assert whole.status == "statically_unstable"
     assert whole.stability is not None
     assert whole.stability.eigenvalue > 1.05
