@@ -88,8 +88,8 @@ def _tapes(value: Any) -> dict[str, list[str]]:
     return value
 
 
-# Settings with a meaning of their own: scenes may offer these options and no others.
-_OPTIONS = {"chord": ("structural", "design"), "line_drag": ("on", "off")}
+# The settings that a scene may offer, with the options that have a meaning; None: what the scene makes of it.
+_OPTIONS = {"chord": ("structural", "design"), "line_drag": ("on", "off"), "panels_per_section": None, "variant": None}
 
 # Section -> key -> (check, default); a default of `...` means that the key must be given.
 _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
@@ -174,6 +174,8 @@ def _options(label: str, settings: Any) -> dict[str, dict[str, Any]]:
         raise SceneError(f"{label}: [settings] must hold tables; write [settings.NAME] with a default.")
     for key, option in settings.items():
         place = f"{label}: [settings.{key}]"
+        if key not in _OPTIONS:
+            raise SceneError(f"{place} has no meaning; known settings are: {', '.join(_OPTIONS)}.")
         if not isinstance(option, dict) or "default" not in option:
             raise SceneError(f"{place} must be a table with a default; add 'default = ...'.")
         default = option["default"]
@@ -181,8 +183,9 @@ def _options(label: str, settings: Any) -> dict[str, dict[str, Any]]:
             choices = option.get("options")
             if not isinstance(choices, list) or not choices or not all(isinstance(c, str) for c in choices):
                 raise SceneError(f"{place} options must be a list of texts that the setting may have; add it.")
-            if odd := [c for c in choices if c not in _OPTIONS.get(key, choices)]:
-                raise SceneError(f"{place} option '{odd[0]}' has no meaning; there are: {', '.join(_OPTIONS[key])}.")
+            known = _OPTIONS[key] or choices
+            if odd := [c for c in choices if c not in known]:
+                raise SceneError(f"{place} option '{odd[0]}' has no meaning; there are: {', '.join(known)}.")
         elif isinstance(default, bool) or not isinstance(default, int):
             raise SceneError(f"{place} default must be a text or a whole number; correct it.")
         else:

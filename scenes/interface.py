@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from aero import SurfaceGrid
 
 CHORD_FRACTIONS = np.array([0.0, 0.5, 1.0])
+ROUNDING = 1e-12  # of weights of order one
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,10 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
         a = np.vstack([nodes[around].T, np.ones(len(around))])
         w = weights[[i], around].toarray().ravel()
         weights[[i], around] = w + np.linalg.lstsq(a, np.append(p, 1.0) - a @ w, rcond=None)[0]
-    return _interface(points, sp.csr_array(weights), span)
+    weights = sp.csr_array(weights)
+    weights.data[np.abs(weights.data) <= ROUNDING] = 0.0
+    weights.eliminate_zeros()
+    return _interface(points, weights, span)
 
 
 def with_lines(interface, nodes, legs, diameter):
@@ -83,7 +87,7 @@ def with_lines(interface, nodes, legs, diameter):
     """
     weights = interface.weights
     single = np.flatnonzero(np.diff(weights.indptr) == 1)
-    single = single[weights.data[weights.indptr[single]] == 1.0]
+    single = single[np.abs(weights.data[weights.indptr[single]] - 1.0) <= ROUNDING]
     place = np.full(len(nodes), -1)
     place[weights.indices[weights.indptr[single]]] = single
     new = np.setdiff1d(legs, np.flatnonzero(place >= 0))

@@ -62,6 +62,9 @@ class Scene:
         same = np.flatnonzero(np.linalg.norm(np.diff(edge, axis=0), axis=1) == 0.0)
         if len(same):
             raise SceneError(f"{table.at(int(same[0]) + 1)}: the leading edge is that of the row above; move it.")
+        if edge[0, 1] >= edge[-1, 1]:
+            where = f"{table.path.parent.name}/{table.path.name}"
+            raise SceneError(f"{where}: sections must go from the left tip (y < 0) to the right one; reverse the rows.")
         return table
 
     @property

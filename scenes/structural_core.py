@@ -88,7 +88,7 @@ class StructuralCore(Core):
         if m.wing_mass.sum() > 0.0:
             text = "mass of springs and canopy together; their nodes' shares scale with it"
             yield tunable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text)
-        start = content["symmetric"] and self._mirror is not None
+        start = content["symmetric"]
         text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
         yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
         text = "largest out-of-balance force that counts as equilibrium"
@@ -114,7 +114,7 @@ class StructuralCore(Core):
         text = "directions in which the equilibrium is unstable under its loads, kept as they are"
         yield output("unstable_modes", kind="integer", description=text)
         text = "whether the last solve was of one half"
-        yield output("symmetry_used", kind="boolean", start=float(start), description=text)
+        yield output("symmetry_used", kind="boolean", start=float(start and self._mirror is not None), description=text)
 
     @property
     def element_names(self):

@@ -28,6 +28,8 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
     for name, value in parameters.items():
         if name in declared:
             core.set(name, value)
+        elif name not in {v.name for v in scene.structural_core().variables}:
+            raise SceneError(f"scene '{scene.name}' has no parameter '{name}'; correct its name.")
     if scene.pivot is None:
         raise SceneError(f"{scene.name}/scene.toml: [trim] needs [structure] pivot, the node to turn about; add it.")
     members, nodes = scene.members, scene.interface.nodes

@@ -6,7 +6,8 @@ import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 import scenes
-from structural import Assembly, Chains, Loads, Structure, surface_forces
+from scenes.interface import design_interface, with_lines
+from structural import Assembly, Chains, Loads, Structure, mirror_permutation, surface_forces
 
 CASES = [("v3_kite", {"chord": c, "panels_per_section": n}) for c in ("structural", "design") for n in (1, 2, 3, 5)]
 CASES += [("typical_section", {"panels_per_section": 3})]
@@ -90,3 +91,14 @@ def test_strips_cut_finer_carry_the_same_uniform_pressure():
     # shares of warped panels differ by their warp along the area vector, which falls with the square of the width
     assert change[1] < 0.5 * change[0]
     assert change[2] < 0.5 * change[1]
+
+
+def test_lines_share_the_nodes_of_design_sections_that_stand_on_the_struts():
+    # the weights are units but for rounding, which differs from side to side
+    scene = scenes.load("v3_kite")
+    nodes, struts = scene.members.nodes, scene.struts
+    bare = design_interface(nodes, struts, nodes[struts[:, 0]], nodes[struts[:, 1]], 1)
+    full = with_lines(bare, nodes, *scene.members.line_legs())
+    assert mirror_permutation(full.nodes) is not None
+    assert len(np.unique(full.nodes.round(9), axis=0)) == len(full.nodes)
+    assert np.abs(full.weights @ nodes - full.nodes).max() <= 1e-12 * 11.0  # rounding of 11 m
