@@ -9,12 +9,10 @@ they log one sentence instead, and the step that follows is discarded (it is the
 
 import contextlib
 import ctypes
-import importlib
 import json
 import math
 import os
 import pickle
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -25,10 +23,10 @@ from pythonfmu import DefaultExperiment, Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 import scenes
-from fmus.description import add_variables
+from fmus.description import add_variables, describe_model
+from fmus.sharing import share_modules
 from scenes.variables import StepFailed, Variable
 
-PACKAGES = ("structural", "aero", "scenes", "fmus")  # what an FMU carries
 SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
 
 
@@ -42,26 +40,6 @@ class Core(Protocol):
     def get(self, block: str) -> np.ndarray: ...
     def save(self) -> object: ...
     def restore(self, state: Any) -> None: ...
-
-
-def _share_modules(resources: Path) -> None:
-    """Load the packages from one place, let them find their modules later too, and leave the search path as it was.
-
-    A process has each package once, from an installation or from the first FMU that needed it. The folder of that FMU
-    may be deleted before the last module is imported: this FMU's folder and an installation are places to look in then.
-    """
-    origin = str(Path(scenes.__file__).parents[1])  # the solvers come from where the scenes come from
-    sys.path.insert(0, origin)
-    packages = [importlib.import_module(name) for name in (*PACKAGES, "pythonfmu")]
-    sys.path.remove(origin)
-    if str(resources) in sys.path:
-        sys.path.remove(str(resources))
-    for package in packages:
-        name = package.__name__
-        found = (finder.find_spec(name, None) for finder in sys.meta_path if hasattr(finder, "find_spec"))
-        installed = next((spec.submodule_search_locations or [] for spec in found if spec), [])
-        places = dict.fromkeys([*package.__path__, str(resources / name), *installed])
-        package.__path__ = [place for place in places if Path(place).is_dir()]
 
 
 def _end_cleanly(resources: Path) -> None:
@@ -82,13 +60,17 @@ class CoreFmu(Fmi2Slave):
     """FMI slave of one solver core: the given one, or the one of the scene in the FMU's resources."""
 
     title = "Solver"
+    at_start: tuple[str, ...] = ("parameter",)  # causalities of what the outputs depend on while initialising
     default_experiment = DefaultExperiment(start_time=0.0, stop_time=20.0, step_size=1.0)
-    license = "BSD-3-Clause"
+    log_categories = {  # noqa: RUF012 (as PythonFMU has it)
+        "logStatusError": "A value or a state that was refused; the next step is discarded.",
+        "logStatusDiscard": "Why a step was discarded.",
+    }
 
     def __init__(self, core: Core | None = None, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         if self.resources is not None:
-            _share_modules(Path(self.resources))
+            share_modules(Path(self.resources))
         self._core = self._resource_core(Path(self.resources)) if core is None else core
         self.blocks: dict[str, tuple[Variable, slice]] = {}
         size = 0
@@ -125,8 +107,12 @@ class CoreFmu(Fmi2Slave):
     # Between buffer and core
 
     def _push(self) -> None:
-        """Hand the changed blocks to the core; one that it refuses stays changed, and the core keeps its old value."""
-        for name in [name for name in self.blocks if name in self._dirty]:
+        """Hand the changed blocks to the core; one that it refuses stays changed, and the core keeps its old value.
+
+        Parameters go first, as a core may derive start values of inputs from them.
+        """
+        changed = [name for name in self.blocks if name in self._dirty]
+        for name in sorted(changed, key=lambda name: self.blocks[name][0].causality == "input"):
             variable, where = self.blocks[name]
             self._core.set(name, self._buffer[where].reshape(variable.shape))
             self._dirty.discard(name)
@@ -187,6 +173,9 @@ class CoreFmu(Fmi2Slave):
 
     set_integer = set_boolean = set_real
 
+    def set_string(self, vrs: list[int], values: list[str]) -> None:
+        self._refused = self._say("There are no String variables.", Fmi2Status.error)
+
     def get_real(self, vrs: list[int]) -> list[float]:
         return self._values(vrs, float, math.nan)
 
@@ -196,13 +185,17 @@ class CoreFmu(Fmi2Slave):
     def get_boolean(self, vrs: list[int]) -> list[bool]:
         return self._values(vrs, bool, False)
 
+    def get_string(self, vrs: list[int]) -> list[str]:
+        self._say("There are no String variables.", Fmi2Status.error)
+        return [""] * len(vrs)
+
     # Life
 
     def _settle(self) -> None:
-        """Outputs that reflect the start values set so far."""
+        """Outputs, and inputs that were not set, that reflect the start values set so far."""
         try:
             self._push()
-            self._fetch(self._outputs)
+            self._fetch(self.blocks)
         except BaseException as error:
             self._say(error, Fmi2Status.error)
 
@@ -241,8 +234,8 @@ class CoreFmu(Fmi2Slave):
 
     def _get_fmu_state(self) -> Any:
         try:
-            extra = self._buffer.copy(), frozenset(self._dirty), self._time
-            return self._layout, self._core.save(), *extra
+            mode = self._initialising, frozenset(self._locked), self._refused
+            return self._layout, self._core.save(), self._buffer.copy(), frozenset(self._dirty), self._time, mode
         except BaseException as error:
             return self._say(error, Fmi2Status.error)  # as is every failure below, reported by the step after a restore
 
@@ -250,12 +243,13 @@ class CoreFmu(Fmi2Slave):
         try:
             if isinstance(state, str):
                 raise ValueError(state)
-            layout, saved, buffer, dirty, time = state
+            layout, saved, buffer, dirty, time, mode = state
             if layout != self._layout:
                 raise ValueError("The state belongs to an FMU with other variables.")
             self._core.restore(saved)
             self._buffer[:], self._dirty, self._time = buffer, set(dirty), time
-            self._lost = self._refused = None
+            self._initialising, locked, self._refused = mode
+            self._locked, self._lost = set(locked), None
         except BaseException as error:
             self._lost = self._say(error, Fmi2Status.error)
 
@@ -277,7 +271,7 @@ class CoreFmu(Fmi2Slave):
         """The complete model description; it does not depend on the time of the build."""
         options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True} | dict(model_options or {})
         root: Element = super().to_xml(options)
-        del root.attrib["generationDateAndTime"]
+        describe_model(root)
         start = {name: self._buffer[where].tolist() for name, (_, where) in self.blocks.items()}
-        add_variables(root, self._core.variables, start)
+        add_variables(root, self._core.variables, start, self.at_start)
         return root

@@ -8,6 +8,8 @@ class AeroFmu(CoreFmu):
     """Takes the displacements of the interface nodes, gives the loads on the interface panels."""
 
     title = "Aerodynamic solver"
+    # The loads on the wing as it starts are those of its displaced shape.
+    at_start: tuple[str, ...] = ("parameter", "input")
 
     @staticmethod
     def scene_core(scene: Scene) -> Core:

@@ -1,5 +1,6 @@
 """Builds the structural and the aerodynamic FMU of a scene: one zip each, the same bytes for the same inputs."""
 
+import contextlib
 import hashlib
 import html
 import importlib.util
@@ -10,6 +11,7 @@ import re
 import uuid
 import zipfile
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -17,8 +19,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pythonfmu
 
-from fmus.adapter import PACKAGES, SCENE_FILE, CoreFmu
+from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
+from fmus.description import PROJECT
+from fmus.sharing import PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
@@ -30,7 +34,9 @@ PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title></head><body>
 <h1>{title}</h1>
 <p>FMI 2.0 co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A step that the solver
-cannot complete returns fmi2Discard and logs the reason. The complete state can be saved, restored and serialised.</p>
+cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other inputs or restore a
+state, then step on. The complete state can be saved, restored and serialised. A quasi-static result does not depend on
+the size of a step.</p>
 <h2>Variables</h2>
 <table border="1"><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
 {rows}
@@ -40,6 +46,9 @@ cannot complete returns fmi2Discard and logs the reason. The complete state can 
 are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared library (for example
 /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages with numpy and
 scipy.</p>
+<h2>Licences</h2>
+<p>The licences of the solvers and of PythonFMU are in documentation/licenses; those of the scene's data, where it has
+any, are beside the data in resources/scene.</p>
 </body></html>
 """
 
@@ -108,6 +117,7 @@ def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes]) -> byt
     for binary in (_pythonfmu() / BINARIES).glob("*/*"):
         files[f"binaries/{binary.parent.name}/{identifier}{binary.suffix}"] = binary.read_bytes()
     files["documentation/index.html"] = _page(instance).encode()
+    files |= {f"documentation/licenses/{name}": text for name, text in _licences().items()}
     instance.modelName, instance.guid = identifier, ""
     digest = hashlib.sha256(_description(instance))
     for path in sorted(files):
@@ -136,6 +146,17 @@ def _package_sources() -> dict[str, bytes]:
             if "tests" not in relative.parts and "__pycache__" not in relative.parts:
                 sources[f"{name}/{relative.as_posix()}"] = path.read_bytes()
     return sources
+
+
+def _licences() -> dict[str, bytes]:
+    """Name -> content of the licences of the project and of PythonFMU, as far as they are installed with them."""
+    found = {}
+    for name, package in (("license.txt", PROJECT), ("pythonfmu.txt", "pythonfmu")):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            files = metadata.distribution(package).files or []
+            for file in [file for file in files if file.name == "LICENSE" and ".dist-info" in str(file.parent)]:
+                found[name] = Path(file.locate()).read_bytes()
+    return found
 
 
 def _description(instance: CoreFmu) -> bytes:

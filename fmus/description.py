@@ -1,6 +1,9 @@
-"""The variables of a solver core in an FMI 2.0 model description: units, scalars, bounds, start values, structure."""
+"""An FMI 2.0 model description: where it comes from; and units, scalars, bounds, start values, structure."""
 
+import contextlib
+import math
 from collections.abc import Callable, Mapping, Sequence
+from importlib import metadata
 from itertools import product
 from xml.etree.ElementTree import Element, SubElement
 
@@ -20,6 +23,24 @@ BASE_UNITS: dict[str, dict[str, int]] = {
     "W": {"kg": 1, "m": 2, "s": -3},
     "Hz": {"s": -1},
 }
+DISPLAY_UNITS = {"rad": ("deg", math.degrees(1.0))}  # what a person reads, and how many of it a unit is
+
+PROJECT = "kitecosim"
+ORIGIN = {
+    "author": "kitecosim contributors",
+    "copyright": "Copyright (c) 2026, kitecosim contributors",
+    "license": "BSD-3-Clause; see documentation/licenses",
+}
+
+
+def describe_model(root: Element) -> None:
+    """Say who made the model and with what, and nothing of when: the same content gives the same bytes."""
+    del root.attrib["generationDateAndTime"]
+    root.attrib |= ORIGIN
+    with contextlib.suppress(metadata.PackageNotFoundError):  # where the sources lie about, not installed
+        root.set("version", metadata.version(PROJECT))
+    tool = f"{PROJECT} {root.get('version', '')}".strip()
+    root.set("generationTool", f"{tool}, {root.get('generationTool')}")
 
 
 def base_exponents(unit: str) -> dict[str, int]:
@@ -44,18 +65,25 @@ def scalar_names(variable: Variable) -> list[str]:
     return [f"{variable.name}[{','.join(map(str, place))}]" for place in places]
 
 
-def add_variables(root: Element, variables: Sequence[Variable], start: Mapping[str, list[float]]) -> None:
+def add_variables(
+    root: Element, variables: Sequence[Variable], start: Mapping[str, list[float]], at_start: Sequence[str]
+) -> None:
     """Fill units, variables and structure into a model description; `start` holds the values of each block in order.
 
     The value reference of a scalar is its place, blocks following each other.
 
     Outputs change in doStep only: at a communication point none depends on an input, so that no importer sees an
-    algebraic loop between two FMUs. While initialising they follow the parameters (FMI 2.0.4, section 2.2.8).
+    algebraic loop between two FMUs. While initialising they follow what has a causality of `at_start`, in an FMU of
+    a pair the parameters alone, so that there is no loop then either (FMI 2.0.4, section 2.2.8).
     """
     units = Element("UnitDefinitions")
     for unit in sorted({variable.unit for variable in variables if variable.kind == "real"}):
         exponents = {base: str(exponent) for base, exponent in base_exponents(unit).items()}
-        SubElement(SubElement(units, "Unit", name=unit), "BaseUnit", exponents)
+        defined = SubElement(units, "Unit", name=unit)
+        SubElement(defined, "BaseUnit", exponents)
+        if unit in DISPLAY_UNITS:
+            name, factor = DISPLAY_UNITS[unit]
+            SubElement(defined, "DisplayUnit", name=name, factor=repr(factor))
     root.insert([child.tag for child in root].index("CoSimulation") + 1, units)
     listed, structure = root.find("ModelVariables"), root.find("ModelStructure")
     if listed is None or structure is None:
@@ -65,14 +93,16 @@ def add_variables(root: Element, variables: Sequence[Variable], start: Mapping[s
     count = 0
     for variable in variables:
         places = range(count + 1, count + 1 + variable.size)  # FMI counts from 1 here
-        known.extend(places if variable.causality == "parameter" else [])
+        known.extend(places if variable.causality in at_start else [])
         unknown.extend(places if variable.causality == "output" else [])
         _add_scalars(listed, variable, count, start[variable.name])
         count += variable.size
-    for tag, dependencies in (("Outputs", ""), ("InitialUnknowns", " ".join(map(str, known)))):
+    everything = {"parameter", "input"} <= set(at_start)  # then, by the standard, nothing need be listed
+    initially = {} if everything else {"dependencies": " ".join(map(str, known))}
+    for tag, dependencies in (("Outputs", {"dependencies": ""}), ("InitialUnknowns", initially)):
         parent = SubElement(structure, tag) if unknown else structure
         for index in unknown:
-            SubElement(parent, "Unknown", index=str(index), dependencies=dependencies)
+            SubElement(parent, "Unknown", {"index": str(index)} | dependencies)
 
 
 def _add_scalars(variables: Element, variable: Variable, first: int, start: list[float]) -> None:
@@ -90,6 +120,8 @@ def _add_scalars(variables: Element, variable: Variable, first: int, start: list
         variable.kind, lambda x: str(bool(x)).lower()
     )
     limits = {"unit": variable.unit} if variable.kind == "real" else {}
+    if variable.kind == "real" and variable.unit in DISPLAY_UNITS:
+        limits["displayUnit"] = DISPLAY_UNITS[variable.unit][0]
     if variable.kind != "boolean":
         bounds = {"min": variable.minimum, "max": variable.maximum}
         limits |= {name: text(float(bound)) for name, bound in bounds.items() if bound is not None}

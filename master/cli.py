@@ -9,6 +9,7 @@ app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # help without rich, which takes longer to load than all the rest
     help="Aero-structural co-simulation of soft kites: a structural and an aerodynamic FMU, coupled to equilibrium.",
 )
 
@@ -23,7 +24,7 @@ SetOption = Annotated[
 ]
 
 
-@app.command()
+@app.command(short_help="Couple structure and flow of SCENE to equilibrium.")
 def run(
     scene: SceneArgument,
     scheme: Annotated[str, typer.Option(help="explicit, relaxation, aitken or iqn-ils.")] = "iqn-ils",
@@ -41,8 +42,9 @@ def run(
     force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
     max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
     stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
+    report: Annotated[bool, typer.Option(help="Write plots, VTK files and an HTML page too.")] = True,
 ) -> None:
-    """Couple structure and flow of SCENE to equilibrium; print a table and write summary.json and tables.
+    """Couple structure and flow of SCENE to equilibrium; print a table, write results and a report.
 
     Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input.
     """
@@ -56,11 +58,12 @@ def run(
         "force_tolerance": force_tolerance,
         "max_iterations": max_iterations,
         "stability": stability,
+        "report": report,
     }
     _finish(lambda: run_scene(scene, choices, _assignments(set_), out))
 
 
-@app.command()
+@app.command(short_help="Build the structural and the aerodynamic FMU of SCENE.")
 def build(
     scene: SceneArgument,
     out: Annotated[Path, typer.Option(help="Folder for the FMUs.")] = Path("results/fmus"),
@@ -72,7 +75,7 @@ def build(
     _finish(lambda: build_scene(scene, _assignments(set_), out))
 
 
-@app.command()
+@app.command(short_help="List the built-in scenes and what each one needs.")
 def scenes() -> None:
     """List the built-in scenes with their settings, parameters and interface sizes."""
     from master.commands import list_scenes

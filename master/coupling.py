@@ -94,15 +94,15 @@ class Coupling:
         ValueError in one sentence for a parameter that neither has.
         """
         given = parameters or {}
-        cores = scene.structural_core(), scene.aero_core()
-        known = {v.name for core in cores for v in core.variables if v.causality == "parameter"}
+        structural, aero = scene.structural_core(), scene.aero_core()
+        known = {v.name for core in (structural, aero) for v in core.variables if v.causality == "parameter"}
         if unknown := sorted(given.keys() - known):
             raise ValueError(f"scene {scene.name} has no parameter {unknown[0]!r}; it has: {', '.join(sorted(known))}.")
 
         def participant(core: Any) -> InProcessParticipant:
             return InProcessParticipant(core, {v.name: given[v.name] for v in core.variables if v.name in given})
 
-        return cls(*map(participant, cores))
+        return cls(participant(structural), participant(aero))
 
     def set_tolerance(self, newtons: float) -> None:
         """Give the structure the tolerance that the coupling loop needs now, where it has one."""

@@ -124,8 +124,9 @@ class Scene:
 
     def strip_polars(self) -> StripPolars:
         """The polars of the lifting-line strips between the sections of the interface."""
+        alpha, cl, cd, cm, sections = self.section_polars()
         span = self.interface.span
-        return StripPolars.from_tables(*self.section_polars(), 0.5 * (span[1:] + span[:-1]))
+        return StripPolars.from_tables(alpha, cl, cd, cm, sections, 0.5 * (span[1:] + span[:-1]))
 
     def trim_angle(self, parameters: dict[str, Any] | None = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.

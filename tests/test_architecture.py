@@ -34,7 +34,7 @@ THIRD_PARTY = {
 COMMAND_LINE_THIRD_PARTY = {"typer", "rich"}
 COMMAND_LINE_LAZY_ROOMS = {"scenes", "fmus"}
 # What loads only when something is drawn, shown or hot.
-ON_DEMAND = ("matplotlib", "numba", "rich", "typer")
+ON_DEMAND = ("matplotlib", "meshio", "jinja2", "numba", "rich", "typer")
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ import pytest
 
 import scenes
 from fmus.builder import archive, build
+from tests.fmus.cases import CASES, label, start
 from tests.fmus.toy_fmu import Toy, ToyFmu
 
 
@@ -25,3 +26,16 @@ def scene():
 def scene_paths(scene, tmp_path_factory):
     """The two FMUs of the scene."""
     return build(scene, tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="session", params=CASES, ids=label)
+def case(request, tmp_path_factory):
+    """A scene with settings, and the paths of its two FMUs: every scene, every setting changed once."""
+    scene = scenes.load(*request.param)
+    return scene, build(scene, tmp_path_factory.mktemp("case"), start(scene))
+
+
+@pytest.fixture(scope="session")
+def kite_aero(tmp_path_factory):
+    """The aerodynamic FMU of a scene that is free to pitch."""
+    return build(scenes.load("v3_kite"), tmp_path_factory.mktemp("kite"))[1]

@@ -19,7 +19,7 @@ class Importer:
     """One instance of an FMU; `log` holds (status, message)."""
 
     def __init__(self, path, initialise=True):
-        self.folder = fmpy.extract(path)
+        self.path, self.folder = path, fmpy.extract(path)
         self.description = fmpy.read_model_description(self.folder)
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self.log = []

@@ -39,8 +39,8 @@ def responses(toy, loads):
     return found
 
 
-def test_the_validator_of_fmpy_finds_no_problem(toy_path, scene_paths):
-    assert [validate_fmu(str(path)) for path in (toy_path, *scene_paths)] == [[], [], []]
+def test_the_validator_of_fmpy_finds_no_problem(toy_path):
+    assert validate_fmu(str(toy_path)) == []
 
 
 def test_a_block_is_one_run_of_value_references_in_row_major_order(toy):

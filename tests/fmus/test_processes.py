@@ -9,6 +9,7 @@ import pytest
 
 import fmus
 import scenes
+from tests.fmus.cases import CASES, label, start
 from tests.fmus.importer import Importer
 
 EXCHANGES = 3
@@ -45,7 +46,7 @@ if sys.argv[3] == "alone":  # the folder that the packages came from goes before
     end(structural, structural_folder)
     structural, s, structural_folder = start(paths[0])
 aero, a, aero_folder = start(paths[1])
-shared = [name for name in a if name in s and name in ("pressure", "shear")]
+shared = [name for name in a if name in s and name in ("pressure", "shear", "line_load")]
 for k in range(int(sys.argv[4])):
     aero.doStep(float(k), 1.0)
     for name in shared:
@@ -63,7 +64,10 @@ end(aero, aero_folder)
 def exchanged(scene):
     """The same exchange by the solver cores of this process: displacements, then the pressures that follow."""
     structural, aero = scene.structural_core(), scene.aero_core()
-    loads = [v.name for v in aero.variables if v.name in ("pressure", "shear")]
+    for core in (structural, aero):
+        for name, value in start(scene).items():
+            core.set(name, value)
+    loads = [v.name for v in aero.variables if v.name in ("pressure", "shear", "line_load")]
     for k in range(EXCHANGES):
         aero.step(float(k), 1.0)
         for name in loads:
@@ -75,10 +79,12 @@ def exchanged(scene):
     return displacement + np.ravel(aero.get("pressure")).tolist()
 
 
+@pytest.mark.parametrize("case", [case for case in CASES if not case[1]], indirect=True, ids=label)
 @pytest.mark.parametrize("order", ["together", "alone"])
-def test_a_process_that_knows_only_fmpy_gets_the_same_numbers_to_the_last_bit(scene, scene_paths, tmp_path, order):
+def test_a_process_that_knows_only_fmpy_gets_the_same_numbers_to_the_last_bit(case, tmp_path, order):
+    scene, paths = case
     done = subprocess.run(
-        [sys.executable, "-I", "-W", "error", "-c", SCRIPT, *map(str, scene_paths), order, str(EXCHANGES)],
+        [sys.executable, "-I", "-W", "error", "-c", SCRIPT, *map(str, paths), order, str(EXCHANGES)],
         cwd=tmp_path,
         capture_output=True,
         text=True,

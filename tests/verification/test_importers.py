@@ -10,7 +10,7 @@ from master.coupling import solve
 from master.participants import FmuParticipant
 from tests.verification.pairs import in_process, loaded
 
-LOADS = ("pressure", "shear")
+LOADS = ("pressure", "shear", "line_load")
 
 
 def exchange(structure, flow, order, t):
@@ -18,7 +18,8 @@ def exchange(structure, flow, order, t):
 
     def to_structure():
         for block in LOADS:
-            structure.set(block, flow.get(block))
+            if block in structure.blocks:
+                structure.set(block, flow.get(block))
 
     def to_flow():
         flow.set("displacement", structure.get("displacement"))

@@ -1,0 +1,134 @@
+"""The pages say what is true: their code runs, prints what they promise, and their links lead somewhere."""
+
+import csv
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+import scenes
+from scenes.description import _KNOWN
+from tests.docs.pages import DOCS, checked, give_files
+
+GUIDE = DOCS / "scenes.md"
+ROOT = DOCS.parent
+PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def test_every_block_of_the_scripting_page_runs_and_prints_what_the_page_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wrong = checked(DOCS / "scripting.md")
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """The folder where the scene of the guide was made from the page and flown, and what the page promised in vain."""
+    folder = tmp_path_factory.mktemp("guide")
+    give_files(GUIDE, folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return folder, checked(GUIDE)
+
+
+def test_the_kite_of_the_guide_flies_as_the_page_says(flown):
+    folder, wrong = flown
+    assert not wrong, "\n".join(wrong)
+    result = json.loads((folder / "results/my_kite/summary.json").read_text())
+    assert result["status"] == "converged"
+    assert result["coupling_iterations"] < 30
+    assert result["statically_stable"] is True
+    with (folder / "results/my_kite/elements.csv").open() as file:
+        tension = {row["element"]: float(row["tension_N"]) for row in csv.DictReader(file)}
+    with (folder / "my_kite/lines.csv").open() as file:
+        lines = [row["name"] for row in csv.DictReader(file)]
+    assert min(tension[line] for line in lines) > 1.0  # N: taut, by far more than the tolerance of the solve
+
+
+def test_the_kite_of_the_guide_stands_above_its_bridle_point_with_its_chord_up_into_the_wind(flown):
+    folder, _ = flown
+    with (folder / "results/my_kite/nodes.csv").open() as file:
+        place = {row["node"]: np.array([float(row[f"{k}_m"]) for k in "xyz"]) for row in csv.DictReader(file)}
+    wing = np.array([place[n] for n in place if n[:2] in ("le", "te")])
+    assert wing[:, 2].min() > 6.0  # m; the tips are drawn at 7 m
+    chord = place["te_in_right"] - place["le_in_right"]
+    assert 2.0 < np.rad2deg(np.arctan2(-chord[2], chord[0])) < 10.0  # between a flapping canopy and stall
+
+
+SWAPPED = ["2,le_in_left,te_in_left", "3,le_in_right,te_in_right"]
+# Per row of the page's table: the file, what stands there, what is written instead, and what another file gets as well.
+MISTAKES = [
+    ("lines.csv", "front_in_left,le_in_left", "front_in_left,le_inn_left", None),
+    ("lines.csv", "tape_top bridle_point,1.420", "tape_top loose,1.420", ("nodes.csv", "loose,0.0,0.0,0.5,\n")),
+    ("nodes.csv", "0.0,0.0,0.0,xyz", "0.0,0.0,0.0,", None),
+    ("struts.csv", "\n".join(SWAPPED), "\n".join(SWAPPED[::-1]), None),
+    ("scene.toml", "wind_speed = 10.0", "windspeed = 10.0", None),
+    ("scene.toml", "wind_speed = 10.0", "wind_speed = 2.0", None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", range(len(MISTAKES)))
+def test_a_mistake_of_the_guide_is_answered_by_its_message(flown, tmp_path, case):
+    folder = shutil.copytree(flown[0] / "my_kite", tmp_path / "my_kite")
+    file, right, wrong, added = MISTAKES[case]
+    text = (folder / file).read_text()
+    assert right in text
+    (folder / file).write_text(text.replace(right, wrong))
+    if added:
+        (folder / added[0]).write_text((folder / added[0]).read_text() + added[1])
+    table = re.findall(r"^\| [^|`]+ \| `([^`]+)` \|$", GUIDE.read_text(), re.MULTILINE)
+    assert len(table) == len(MISTAKES)
+    with pytest.raises(ValueError, match=re.escape(table[case].removesuffix("..."))):
+        scenes.load(folder).trim_angle()
+
+
+def test_the_guide_names_every_key_of_a_scene_with_its_default():
+    text = GUIDE.read_text()
+    for section, keys in _KNOWN.items():
+        start = text.index(f"| `[{section}]` |")
+        rows = re.findall(r"^\|(?: `\[\w+\]` \|| \|) `(\w+)` \|([^|]*)\|", text[start:], re.MULTILINE)[: len(keys)]
+        told = {key: default.strip() for key, default in rows}
+        assert told == {key: _shown(default) for key, (_, default) in keys.items()}, section
+
+
+def _shown(default):
+    """A default of description.py as the guide writes it."""
+    if default is ...:
+        return ""
+    return "none" if default in (None, {}) else json.dumps(default)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_relative_link_leads_to_a_file_and_a_heading(page):
+    for target in LINK.findall(re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        file = (page.parent / name).resolve() if name else page
+        assert file.exists(), target
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", file.read_text(), re.MULTILINE)
+            slugs = {re.sub(r"[^\w -]", "", h.lower()).strip().replace(" ", "-") for h in headings}
+            assert anchor in slugs, target
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: str(page.relative_to(DOCS)))
+def test_every_page_is_in_the_index(page):
+    assert page.name == "README.md" or f"({page.relative_to(DOCS).as_posix()})" in (DOCS / "README.md").read_text()
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "theory").glob("*.md")), ids=lambda page: page.stem)
+def test_code_that_the_theory_names_is_there(page):
+    """`folder/file.py`: `name`, `other` — the file exists and defines the names."""
+    named = re.findall(
+        r"`((?:structural|aero|scenes|master|fmus)/[\w/]+\.py)`:?\s*((?:`[\w.]+`(?:,\s)?)*)", page.read_text()
+    )
+    assert named
+    for file, names in named:
+        source = (ROOT / file).read_text()
+        for name in re.findall(r"`([\w.]+)`", names):
+            last = name.rpartition(".")[2]
+            assert re.search(rf"^\s*(?:def|class) {last}\b|^{last}\b", source, re.MULTILINE), f"{file}: {name}"
