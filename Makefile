@@ -36,12 +36,9 @@ lint: $(stamp) ## check style, format and types
 	$(venv)/bin/python -m ruff format --check
 	$(venv)/bin/python -m mypy
 
-bench: $(stamp) ## tables of accuracy, convergence and run time; they go to results/bench
-	mkdir -p results/bench
-	$(venv)/bin/python benchmarks/v3_aero.py > results/bench/v3_aero.md
-	cat results/bench/v3_aero.md
-	$(venv)/bin/python benchmarks/v3_coupled.py > results/bench/v3_coupled.md
-	cat results/bench/v3_coupled.md
+bench: $(stamp) ## measure accuracy and run time of every case; results/bench, then tables and figures of docs/
+	$(venv)/bin/python -m benchmarks run
+	$(venv)/bin/python -m benchmarks docs
 
 clean: ## remove .venv, results, caches and build artefacts
 	rm -rf $(venv) results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -10,10 +10,19 @@ import numpy as np
 
 from master.coupling import SCHEMES, Coupling
 from master.participants import FmuParticipant
-from master.report import print_table, versions, write_history, write_json, write_state
+from master.report import (
+    RESULTS,
+    missing_libraries,
+    print_table,
+    print_written,
+    versions,
+    write_history,
+    write_json,
+    write_report,
+    write_state,
+)
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, coupled_run, summary
 
-RESULTS = ("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv")
 BACKENDS = ("fmu", "in-process")
 
 
@@ -48,9 +57,14 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     content["wall_time_s"]["set_up"] = ready - begin
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     write_history(out / "history.csv", run.result.history)
-    write_state(out, blocks, {"position": scene.members.labels, "tension": scene.members.names}, scene.interface)
+    labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
+    written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface)]
     write_json(out / "summary.json", content)
-    print_table(scene, run, content, out)
+    print_table(scene, run, content)
+    lacking = missing_libraries() if choices["report"] else ""
+    if choices["report"] and not lacking:
+        written += write_report(out, scene, run, content)
+    print_written(out, written, lacking)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 
 

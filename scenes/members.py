@@ -54,6 +54,17 @@ class Members:
         return np.concatenate(legs), np.concatenate(diameter)
 
     @property
+    def leg_names(self) -> tuple[str, ...]:
+        """Name of the element of every leg of `line_legs`."""
+        sheaves = [group.nodes.shape[1] - 2 for group in self.chains for _ in group.names]
+        return tuple(
+            name
+            for name, area, more in zip(self.names, self.area, sheaves, strict=True)
+            if area > 0.0
+            for _ in range(more + 1)
+        )
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Element names in the order of the groups."""
         return tuple(n for group in self.chains for n in group.names)

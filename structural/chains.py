@@ -4,6 +4,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+# Radius of the knob at a sheave and at the ends of a rope, relative to the rest length of the rope: some millimetres on
+# a kite. A leg shorter than that has the length (l^2 / knob + knob) / 2, so that the force of a sheave that has run
+# onto the end of its rope grows from zero over the knob. With l itself it would have no limit there, and a jammed rope
+# no equilibrium. Longer legs do not notice.
+KNOB = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class Chains:
@@ -26,10 +32,14 @@ class Chains:
 
 
 def _legs(x, chains):
-    d = np.diff(x[chains.nodes], axis=1)  # (e, m-1, 3)
+    """Directions (e, m-1, 3), lengths (e, m-1) m of all legs, what d was divided by, and which legs end in a knob."""
+    d = np.diff(x[chains.nodes], axis=1)
     l = np.sqrt(np.einsum("eik,eik->ei", d, d))
-    safe = np.where(l > 0.0, l, 1.0)
-    return d / safe[..., None], l, safe
+    knob = KNOB * chains.l0[:, None] if chains.nodes.shape[1] > 2 else 0.0
+    jammed = l < knob
+    safe = np.maximum(l, knob)
+    safe = np.where(safe > 0.0, safe, 1.0)
+    return d / safe[..., None], np.where(jammed, 0.5 * (l * l / safe + safe), l), safe, jammed
 
 
 def tensions(x, chains):
@@ -38,7 +48,7 @@ def tensions(x, chains):
     The bracket is the positive part unless the element is two-way (PSM thesis eq. 4.3, engineering strain). A
     frictionless rope has the same tension in all of its legs.
     """
-    _, l, _ = _legs(x, chains)
+    _, l, _, _ = _legs(x, chains)
     return _tension(l, chains)[0]
 
 
@@ -50,7 +60,7 @@ def _tension(l, chains):
 
 def chain_energy(x, chains, weight=None):
     """Strain energy J of all elements, sum of k <stretch>^2 / 2, each counted `weight` (e,) times."""
-    _, l, _ = _legs(x, chains)
+    _, l, _, _ = _legs(x, chains)
     t, _ = _tension(l, chains)
     energy = 0.5 * t * t / chains.k
     return float(np.sum(energy if weight is None else weight * energy))
@@ -66,7 +76,7 @@ def _length_gradient(u):
 
 def chain_forces(x, chains):
     """Internal forces N (e, m, 3) on the nodes of every element: the gradient of its strain energy, T dL/dx."""
-    u, l, _ = _legs(x, chains)
+    u, l, _, _ = _legs(x, chains)
     t, _ = _tension(l, chains)
     return t[:, None, None] * _length_gradient(u)
 
@@ -75,9 +85,10 @@ def chain_forces_and_tangents(x, chains):
     """Internal forces (e, m, 3) N and consistent tangents (e, 3m, 3m) N/m.
 
     K = k g g^T + T d2L/dx2, with g = dL/dx over all nodes of the rope, which couples its legs, and per leg
-    d2l/dx2 = (I - u u^T) / l. A slack element gives zeros; a spring of zero rest length gives k I even at zero length.
+    d2l/dx2 = (I - u u^T) / l, or I / knob where the leg is shorter than the knob. A slack element gives zeros; a spring
+    of zero rest length gives k I even at zero length.
     """
-    u, l, safe = _legs(x, chains)
+    u, l, safe, jammed = _legs(x, chains)
     t, active = _tension(l, chains)
     g = _length_gradient(u)
     e, m, _ = g.shape
@@ -86,7 +97,8 @@ def chain_forces_and_tangents(x, chains):
     per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
     if m == 2:
         per_length[:, 0] = np.where((l[:, 0] == 0.0) & (chains.l0 == 0.0), chains.k, per_length[:, 0])
-    geometric = per_length[..., None, None] * (np.eye(3) - u[..., :, None] * u[..., None, :])  # (e, m-1, 3, 3)
+    along = np.where(jammed, 0.0, 1.0)[..., None, None] * (u[..., :, None] * u[..., None, :])
+    geometric = per_length[..., None, None] * (np.eye(3) - along)  # (e, m-1, 3, 3)
     blocks = tangent.reshape(e, m, 3, m, 3)
     for i in range(m - 1):
         blocks[:, i, :, i, :] += geometric[:, i]

@@ -8,7 +8,7 @@ from structural.chains import Chains, chain_energy
 from tests.structural.models import chains, dead, lengths, saddle, structure
 
 
-@pytest.mark.parametrize("g", [3, 5, 7, 9, 11, 13, 31])
+@pytest.mark.parametrize("g", [3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 17, 20, 31])
 @pytest.mark.parametrize("two_way", [True, False], ids=["two-way", "tension-only"])
 @pytest.mark.parametrize("ratio", [0.5, 0.9])
 def test_saddle_net_reaches_equilibrium(g, two_way, ratio):
@@ -16,8 +16,10 @@ def test_saddle_net_reaches_equilibrium(g, two_way, ratio):
     result = equilibrium(Assembly(s), s.chains, dead(np.zeros_like(s.nodes)), s.nodes, atol=1e-8)
     assert result.converged
     assert result.residual <= 1e-8
-    # 3 to 29 seen, a plain Newton method fails at g = 5 and 31, a peer needs 900; 31 of buckled springs is the hard one
-    assert result.iterations <= (200 if g == 31 and two_way else 60)
+    # 3 to 28 seen, a plain Newton method fails at g = 5 and 31, a peer needs 900. Where fine nets of springs buckle
+    # there are many wrinkled equilibria in long curved valleys: 42, 53 and 108 seen, and rounding decides which is met
+    buckled = two_way and ratio == 0.9 and g > 13
+    assert result.iterations <= (160 if buckled else 40)
     energy = chain_energy(result.x, s.chains[0])
     assert energy < chain_energy(s.nodes, s.chains[0])
 
@@ -154,18 +156,6 @@ def test_loads_and_positions_that_are_not_finite_are_a_status(bad):
     with np.errstate(all="ignore"):
         assert equilibrium(Assembly(s), s.chains, dead(0 * s.nodes), start).status == "not_finite"
         assert equilibrium(Assembly(s), s.chains, dead(np.full_like(s.nodes, bad)), s.nodes).status == "not_finite"
-
-
-def test_sheave_that_runs_onto_the_end_of_its_rope_is_never_a_silent_failure():
-    # Atwood's machine with unequal weights: the light one is pulled up until it jams in the sheave, where the direction
-    # of the rope, and so the residual, has no limit. Either the jammed state is found or the status says it was not.
-    nodes = np.array([[-0.1, 0, -1.0], [0, 0, 0], [0.1, 0, -1.0]])
-    s = structure(nodes, [False, True, False], [chains([0, 1, 2], 1.9, 1000.0)])
-    force = np.zeros((3, 3))
-    force[:, 2] = [-20.0, 0.0, -10.0]
-    result = equilibrium(Assembly(s), s.chains, dead(force), nodes)
-    jammed = np.allclose(result.x, [[0, 0, -1.92], [0, 0, 0], [0, 0, 0]], atol=1e-3)
-    assert jammed or result.status in ("max_iterations", "stalled")
 
 
 def test_warm_start_at_the_solution_does_not_iterate_and_a_near_one_hardly_does():

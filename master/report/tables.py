@@ -1,13 +1,10 @@
-"""What a run leaves behind: summary.json, history.csv and tables of the final state, each written whole or not at
-all.
-"""
+"""The tables of a run: summary.json, history.csv and the final state, each written whole or not at all."""
 
 import csv
 import io
 import json
 import os
 import platform
-import sys
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,11 +15,11 @@ if TYPE_CHECKING:
     from master.run import Run
 
 
-def write_whole(path: Path, text: str) -> None:
+def write_whole(path: Path, content: str | bytes) -> None:
     """Write a file under a temporary name and rename it, so that no reader ever meets half of it."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -49,19 +46,25 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
     write_csv(path, header, rows)
 
 
-def write_state(folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any) -> None:
-    """The final state as tables: nodes, elements, interface and panels, as far as the blocks are there.
+def write_state(
+    folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any
+) -> list[str]:
+    """The final state as tables: nodes, elements, interface, panels and exposed lines, as far as the blocks are there.
 
-    `names` labels the rows of the blocks `position` and `tension`; `interface` has the reference `nodes` and `panels`.
+    `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`, `panels` and
+    `lines`. Returns the names of the files.
     """
     rows: list[list[Any]]
+    written = ["interface.csv", "panels.csv"]
     panels = np.asarray(interface.panels)
     if "position" in blocks:
         rows = [[n, *map(repr, map(float, p))] for n, p in zip(names["position"], blocks["position"], strict=True)]
         write_csv(folder / "nodes.csv", ["node", "x_m", "y_m", "z_m"], rows)
+        written.append("nodes.csv")
     if "tension" in blocks:
         tension = zip(names["tension"], blocks["tension"], strict=True)
         write_csv(folder / "elements.csv", ["element", "tension_N"], [[n, repr(float(t))] for n, t in tension])
+        written.append("elements.csv")
     x = blocks["displacement"]
     rows = [
         [i + 1, *map(repr, map(float, (*p, *d)))] for i, (p, d) in enumerate(zip(interface.nodes + x, x, strict=True))
@@ -75,6 +78,13 @@ def write_state(folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tu
         for i, p in enumerate(pressure)
     ]
     write_csv(folder / "panels.csv", header, rows)
+    if "line_load" in blocks:
+        lines = zip(names["line_load"], interface.lines + 1, interface.diameter, blocks["line_load"], strict=True)
+        rows = [[i + 1, n, *ends, *map(repr, map(float, (d, *q)))] for i, (n, ends, d, q) in enumerate(lines)]
+        header = ["line", "element", "node_1", "node_2", "diameter_m"]
+        write_csv(folder / "line_loads.csv", [*header, *(f"load_{axis}_N_per_m" for axis in "xyz")], rows)
+        written.append("line_loads.csv")
+    return written
 
 
 def versions() -> dict[str, str]:
@@ -104,15 +114,9 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def print_table(scene: Any, run: "Run", content: dict[str, Any], out: Path) -> None:
-    """The result of a run as a table on standard output."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
+def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[str, str]]:
+    """What a run found, as names and texts with units; `content` is what summary.json holds."""
     aero, structural, result = run.blocks["aero"], run.blocks["structural"], run.result
-    title = escape(f"{scene.content['title']}: {run.status}")
-    table = Table(title=title, show_header=False, title_justify="left")
     rows = [
         ("scheme, backend", f"{content['scheme']}, {content['backend']}"),
         ("coupling iterations", f"{result.iterations}"),
@@ -128,35 +132,26 @@ def print_table(scene: Any, run: "Run", content: dict[str, Any], out: Path) -> N
         ("force on supports", f"{_vector(structural['support_force'])} N, "
                               f"{np.linalg.norm(structural['support_force']):.2f} N in all"),
     ]  # fmt: skip
+    if "line_force" in aero:
+        rows.insert(-1, ("wind force on lines", _vector(aero["line_force"]) + " N"))
+    if "glide_ratio" in aero:
+        rows.insert(7, ("lift over drag", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural["tension"]
     lines = scene.members.names
     one_way = np.concatenate([~c.two_way for c in scene.members.chains])
     if one_way.any():
-        most = np.flatnonzero(one_way)[np.argmax(tension[one_way])]
+        # the first of those that are equal but for rounding, so that left and right do not take turns
+        most = np.flatnonzero(one_way & (tension >= tension[one_way].max() * (1.0 - 1e-9)))[0]
         rows.append(("largest line tension", f"{tension[most]:.1f} N in {lines[most]}"))
         slack = [lines[i] for i in np.flatnonzero(one_way & (tension <= 0.0))]
         rows.append(("slack lines", ", ".join(slack) or "none"))
     wall = content["wall_time_s"]
     rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
-    for row in rows:
-        table.add_row(*map(escape, row))
-    console = Console(highlight=False, width=None if _wide() else 110)
-    console.print(table)
-    for remark in run.remarks:
-        console.print(f"note: {remark}", soft_wrap=True, markup=False)
-    if run.status != "converged":
-        console.print(f"{run.status}: {run.message}", soft_wrap=True, markup=False)
-    console.print(
-        f"written: {out}/summary.json, history.csv, nodes.csv, elements.csv, interface.csv, panels.csv", soft_wrap=True
-    )
-
-
-def _wide() -> bool:
-    return sys.stdout.isatty()
+    return rows
 
 
 def _vector(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{v + 0.0:.2f}" for v in values) + ")"
+    return "(" + ", ".join(f"{round(float(v), 2) + 0.0:.2f}" for v in values) + ")"  # no -0.00
 
 
 def _stability_text(run: "Run") -> str:

@@ -1,0 +1,109 @@
+"""What a run leaves behind: tables always; plots, VTK files and a page where the libraries for them are installed.
+
+Every file is written whole or not at all. The same run gives the same bytes, whenever it is written.
+"""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from master.report.console import print_table, print_written
+from master.report.state import final_state, status_text
+from master.report.tables import result_rows, versions, write_history, write_json, write_state, write_whole
+
+if TYPE_CHECKING:
+    from master.run import Run
+
+__all__ = [
+    "RESULTS",
+    "final_state",
+    "missing_libraries",
+    "print_table",
+    "print_written",
+    "result_rows",
+    "versions",
+    "write_history",
+    "write_json",
+    "write_report",
+    "write_state",
+    "write_whole",
+]
+
+LIBRARIES = ("matplotlib", "meshio", "jinja2")
+TABLES = ("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv")
+CAPTIONS = {
+    "shape": "Flown shape with line tensions, three views to one scale",
+    "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
+    "strips": "Loads, effective angle of attack and circulation along the span",
+    "polars": "Operating points of the strips on their section polars",
+}
+MESHES = ("wing.vtu", "structure.vtu", "lines.vtu")
+PAGE = "report.html"
+REPORT = (*(f"{name}.{kind}" for name in CAPTIONS for kind in ("png", "svg")), *MESHES, PAGE)
+RESULTS = (*TABLES, *REPORT)  # all files that a run may write
+
+
+def missing_libraries() -> str:
+    """One sentence on what to install for `write_report`, empty if all is there; nothing is loaded."""
+    missing = [name for name in LIBRARIES if find_spec(name) is None]
+    if not missing:
+        return ""
+    verb = "is" if len(missing) == 1 else "are"
+    return (
+        f"no plots, VTK files and HTML report, because {', '.join(missing)} {verb} not installed; "
+        "pip install 'kitecosim[report]' brings what they need."
+    )
+
+
+def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, Any]) -> list[str]:
+    """Write plots (PNG, SVG), VTK files and report.html of a `run` (`master.run.coupled_run`) of `scene`; their names.
+
+    `content` is `master.run.summary(run, settings)`, with "versions" if the page shall name them. What the scene lacks
+    is left out. ModuleNotFoundError with the sentence of `missing_libraries` where they are not installed.
+    """
+    sentence = missing_libraries()
+    if sentence:
+        raise ModuleNotFoundError(sentence)
+    from master.report import figures, shape, vtk
+    from master.report.convergence import convergence_figure
+    from master.report.page import page
+
+    state = final_state(scene, run)
+    status, settings = status_text(run.status), content.get("settings", {})
+    aero = run.blocks["aero"]
+    title, wind = scene.content["title"], None
+    if {"wind_speed", "wind_direction"} <= aero.keys():
+        wind = float(aero["wind_speed"]) * aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
+        title += f", wind {float(aero['wind_speed']):g} m/s"
+    drawn = {
+        "shape": shape.shape_figure(state, title, status, wind),
+        "convergence": convergence_figure(
+            run.result.history,
+            f"{title}, {status}",
+            settings.get("tolerance"),
+            settings.get("force_tolerance"),
+            run.result.residual_N,
+        ),
+    }
+    if state.strips is not None:
+        drawn["strips"] = figures.strip_figure(state.strips, f"{title}, {status}")
+        if state.strips.coefficients is not None:
+            drawn["polars"] = figures.polar_figure(state.strips, f"{title}, {status}")
+    images = {name: figures.rendered(figure) for name, figure in drawn.items()}
+    content_of: dict[str, str | bytes] = {f"{n}.{kind}": data for n, i in images.items() for kind, data in i.items()}
+    content_of["wing.vtu"] = vtk.wing_file(state.surface)
+    if state.frame is not None:
+        content_of["structure.vtu"] = vtk.structure_file(state.frame)
+    if len(state.surface.lines):
+        content_of["lines.vtu"] = vtk.lines_file(state.surface)
+    shown = {name: (CAPTIONS[name], image["svg"]) for name, image in images.items()}
+    content_of[PAGE] = page(scene, run, content, state, shown)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in REPORT:  # so that none of an earlier run stands beside them
+        (folder / name).unlink(missing_ok=True)
+    for name, data in content_of.items():
+        write_whole(folder / name, data)
+    return list(content_of)

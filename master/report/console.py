@@ -1,0 +1,41 @@
+"""The result of a run on standard output."""
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from master.report.tables import result_rows
+
+if TYPE_CHECKING:
+    from master.run import Run
+
+
+def print_table(scene: Any, run: "Run", content: dict[str, Any]) -> None:
+    """The result of a run as a table on standard output, with its remarks and, if it failed, why."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    title = escape(f"{scene.content['title']}: {run.status}")
+    table = Table(title=title, show_header=False, title_justify="left")
+    for row in result_rows(scene, run, content):
+        table.add_row(*map(escape, row))
+    console = _console()
+    console.print(table)
+    for remark in run.remarks:
+        console.print(f"note: {remark}", soft_wrap=True, markup=False)
+    if run.status != "converged":
+        console.print(f"{run.status}: {run.message}", soft_wrap=True, markup=False)
+
+
+def print_written(folder: Path, names: Iterable[str], remark: str = "") -> None:
+    """Which files a run has left, and a remark on those it has not."""
+    if remark:
+        _console().print(f"note: {remark}", soft_wrap=True, markup=False)
+    _console().print(f"written: {folder}/{', '.join(names)}", soft_wrap=True, markup=False)
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 110)

@@ -1,0 +1,185 @@
+"""The page report.html: everything that a run found and was given, in one file that needs no other."""
+
+import base64
+from collections.abc import Iterable
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from master.report.state import FinalState, Frame, status_text
+from master.report.tables import result_rows
+
+if TYPE_CHECKING:
+    from master.run import Run
+
+# Options of a run: unit and meaning.
+OPTIONS = {
+    "scheme": ("", "coupling scheme"),
+    "backend": ("", "fmu: the two FMUs; in-process: the same solvers without them"),
+    "relaxation": ("1", "factor of relaxation; first factor of aitken and iqn-ils (none: the scheme's own)"),
+    "tolerance": ("m", "interface residual that counts as converged, 2-norm over all interface nodes"),
+    "force_tolerance": ("N", "out-of-balance force that counts as converged, 2-norm over all free directions"),
+    "max_iterations": ("1", "most coupling iterations"),
+    "stability": ("", "whether the static stability of the equilibrium is judged"),
+    "report": ("", "whether plots, VTK files and this page are written"),
+}
+HISTORY = {
+    "residual_m": "interface residual, m",
+    "structural.imbalance_before_step": "out-of-balance force, N",
+    "structural.newton_iterations": "Newton iterations, structure",
+    "aero.newton_iterations": "Newton iterations, flow",
+    "structural.slack_lines": "slack lines",
+    "aero.CL": "C_L",
+    "aero.CD": "C_D",
+    "aero.alpha_mid": "angle of attack, rad",
+}
+Table = dict[str, Any]  # title, header, rows of cells, marked: rows that stand out
+
+
+def page(
+    scene: Any, run: "Run", content: dict[str, Any], state: FinalState, figures: dict[str, tuple[str, bytes]]
+) -> str:
+    """The HTML text. `content` is what summary.json holds; `figures` maps names to captions and SVG files."""
+    from jinja2 import Environment, StrictUndefined
+
+    template = files("master.report").joinpath("page.html").read_text(encoding="utf-8")
+    variables = {
+        f"{label}.{v.name}": v
+        for label, core in (("structural", scene.structural_core()), ("aero", scene.aero_core()))
+        for v in core.variables
+    }
+    images = [
+        {"name": name, "caption": caption, "data": base64.b64encode(svg).decode("ascii")}
+        for name, (caption, svg) in figures.items()
+    ]
+    tables = [
+        _outputs(content, variables),
+        _lines(state),
+        _springs(state),
+        _strips(state),
+        _history(run),
+        _settings(scene, content),
+        _parameters(run, content, variables),
+        _table("Versions", ["package", "version"], content.get("versions", {}).items()),
+    ]
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(template).render(
+        title=scene.content["title"],
+        description=scene.content.get("description", ""),
+        good=run.status == "converged",
+        status=status_text(run.status),
+        message=run.message,
+        remarks=run.remarks,
+        result=result_rows(scene, run, content),
+        figures=images,
+        tables=[table for table in tables if table["rows"]],
+    )
+
+
+def cell(value: Any) -> tuple[str, bool]:
+    """Text of a table cell and whether it is a number: up to six digits, vectors in brackets, switches in words."""
+    if isinstance(value, str):
+        return value, False
+    if value is None:
+        return "none", False
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no", False
+    array = np.asarray(value, dtype=float)
+    if array.ndim:
+        return "(" + ", ".join(cell(v)[0] for v in array) + ")", True
+    return f"{float(array) + 0.0:.6g}", True
+
+
+def _table(title: str, header: Iterable[str], rows: Iterable[Iterable[Any]], marked: Iterable[Any] = ()) -> Table:
+    cells = [[cell(value) for value in row] for row in rows]
+    return {"title": title, "header": list(header), "rows": cells, "marked": {int(i) for i in marked}}
+
+
+def _about(variable: Any) -> tuple[str, str]:
+    """Unit and description of a solver's variable, empty where it is not known."""
+    return ("", "") if variable is None else (variable.unit, variable.description)
+
+
+def _shown(value: Any, variable: Any) -> Any:
+    """A value as its variable means it: switches as such."""
+    return bool(value) if variable is not None and variable.kind == "boolean" else value
+
+
+def _outputs(content: dict[str, Any], variables: dict[str, Any]) -> Table:
+    rows = []
+    for name, value in content.get("outputs", {}).items():
+        known = [variables[key] for key in (name, f"aero.{name}", f"structural.{name}") if key in variables]
+        rows.append([name, _shown(value, known[0] if known else None), *_about(known[0] if known else None)])
+    return _table("Outputs", ["output", "value", "unit", "meaning"], rows)
+
+
+def _settings(scene: Any, content: dict[str, Any]) -> Table:
+    given = content.get("settings", {})
+    rows = [[name, given[name], *about] for name, about in OPTIONS.items() if name in given]
+    for name, value in given.get("scene_settings", scene.settings).items():
+        rows.append([name, value, "", scene.content["settings"].get(name, {}).get("description", "")])
+    return _table("Settings", ["setting", "value", "unit", "meaning"], rows)
+
+
+def _parameters(run: "Run", content: dict[str, Any], variables: dict[str, Any]) -> Table:
+    given = content.get("settings", {}).get("parameters_set", {})
+    rows = []
+    for label, causality in run.causality.items():
+        for block in (b for b, c in causality.items() if c == "parameter"):
+            variable = variables.get(f"{label}.{block}")
+            origin = "set" if block in given else "start value"
+            rows.append([f"{label}.{block}", _shown(run.blocks[label][block], variable), *_about(variable), origin])
+    return _table("Parameters", ["parameter", "value", "unit", "meaning", "origin"], rows)
+
+
+def _elements(title: str, frame: Frame | None, which: Any, state_of: Any) -> Table:
+    header = ["element", "nodes", "rest length, m", "length, m", "elongation, %", "tension, N", "state"]
+    if frame is None:
+        return _table(title, header, [])
+    chosen = np.flatnonzero(which(frame))
+    rows = []
+    for i in chosen:
+        rest = frame.rest_length[i]
+        stretch = 100.0 * (frame.length[i] / rest - 1.0) if rest > 0.0 else "\u2013"
+        path = " \u2013 ".join(frame.labels[n] for n in frame.chains[i])
+        tension = frame.tension[i]
+        rows.append([frame.names[i], path, rest, frame.length[i], stretch, tension, state_of(tension)])
+    return _table(title, header, rows, np.flatnonzero(frame.slack[chosen]))
+
+
+def _lines(state: FinalState) -> Table:
+    return _elements("Lines", state.frame, lambda f: ~f.two_way, lambda t: "taut" if t > 0.0 else "slack")
+
+
+def _springs(state: FinalState) -> Table:
+    return _elements(
+        "Springs (two-way)", state.frame, lambda f: f.two_way, lambda t: "tension" if t >= 0.0 else "compression"
+    )
+
+
+def _strips(state: FinalState) -> Table:
+    s = state.strips
+    columns: dict[str, Any] = {}
+    if s is not None:
+        columns = {
+            "strip": np.arange(1, len(s.arc) + 1),
+            "arc length from mid-span, m": s.arc,
+            "width, m": s.width,
+            "lift, N/m": s.lift,
+            "drag, N/m": s.drag,
+            "side force, N/m": s.side,
+            "effective angle of attack, deg": s.alpha,
+            "circulation, m\u00b2/s": s.circulation,
+        }
+        if s.coefficients is not None:
+            columns |= dict(zip(("cl", "cd", "cm"), s.coefficients, strict=True))
+    columns = {name: values for name, values in columns.items() if values is not None}
+    return _table("Strips (left tip first)", columns, zip(*columns.values(), strict=True))
+
+
+def _history(run: "Run") -> Table:
+    rows = run.result.history
+    shown = {key: head for key, head in HISTORY.items() if rows and key in rows[0]}
+    cells = [[row["iteration"], *(row[key] for key in shown)] for row in rows]
+    return _table("Coupling iterations", ["coupling iteration", *shown.values()], cells)

@@ -1,0 +1,190 @@
+"""The plot of the flown shape: three views to one scale, line tensions in colour."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from master.report.figures import MIDDLE, WIDTH, axes_at, new_figure, style
+from master.report.state import FinalState, Frame
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LEFT, GAP, RIGHT, TOP, BOTTOM = 0.55, 0.3, 0.12, 0.72, 0.48  # in
+LEAST = 2.3  # in, height of the top view, beside which the legend stands, and width of the views, for their titles
+FLATTEST = 1.1  # in, height of the front and side views, for the arrow of the wind
+TALLEST = 9.0  # in, front and top view together
+BLUE = (0.60, 0.75, 0.88)
+SLACK = "#b2182b"
+# View: horizontal and vertical axis, and whether the horizontal one runs to the left: what stands upwind and looks
+# downwind has the right wing (y > 0) on its left, and the top view keeps that.
+FRONT, SIDE, ABOVE = (1, 2, True), (0, 2, False), (1, 0, True)
+TITLES = {FRONT: "front view, from upwind", SIDE: "side view, from the left", ABOVE: "top view, from above"}
+
+
+def shape_figure(state: FinalState, title: str, status: str = "converged", wind: np.ndarray | None = None) -> "Figure":
+    """Undeformed and deformed structure with line tensions N and the wing surface; axes in m, equal scales.
+
+    `wind` (3,) m/s is drawn as an arrow; a `status` other than converged is shown in red. The undeformed shape is the
+    design shape, turned as a rigid body to the attitude of the wing where the scene can pitch, so that what differs is
+    deformation.
+    """
+    frame = state.frame
+    points = state.surface.position
+    if frame is not None:
+        points = np.concatenate([points, frame.position, frame.undeformed])
+    points = points[np.all(np.isfinite(points), axis=1)]
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.ones(3))
+    ranges = np.maximum(high - low, [1e-3, 1e-3, 0.25 * max(high[1] - low[1], 1e-3)]) * 1.08
+    middle = 0.5 * (low + high)
+    width = WIDTH - LEFT - GAP - RIGHT
+    sideways = min((width - LEAST) / max(ranges[:2]), width / (ranges[0] + ranges[1]))
+    upwards = min((TALLEST - LEAST) / ranges[2], TALLEST / (ranges[0] + ranges[2]))
+    scale = min(sideways, upwards)
+    front = np.array([max(ranges[1] * scale, LEAST), max(ranges[2] * scale, FLATTEST)])
+    side = np.array([width - front[0], front[1]])
+    above = np.array([front[0], max(ranges[0] * scale, LEAST)])
+    height = TOP + front[1] + 0.56 + above[1] + BOTTOM
+    with style():
+        figure = new_figure(height, title)
+        good = status == "converged"
+        look: dict[str, Any] = {} if good else {"color": SLACK, "fontweight": "bold"}
+        figure.text(0.12 / WIDTH, 1.0 - 0.28 / height, status if good else status.upper(), va="top", **look)
+        views = {
+            FRONT: axes_at(figure, LEFT, height - TOP - front[1], *front),
+            SIDE: axes_at(figure, LEFT + front[0] + GAP, height - TOP - side[1], *side),
+            ABOVE: axes_at(figure, LEFT, BOTTOM, *above),
+        }
+        colours = None if frame is None else _colours(frame)
+        for view, axes in views.items():
+            _frame_axes(axes, view, middle, scale)
+            _draw(axes, state, view, colours)
+        if wind is not None and np.any(wind):
+            _wind(views[SIDE], SIDE, points, wind)
+        key = axes_at(figure, LEFT + front[0] + GAP, BOTTOM, side[0], above[1] - 0.05)
+        key.set_axis_off()
+        key.legend(*_entries(state), loc="upper left", borderaxespad=0.0, handlelength=2.2, labelspacing=0.35)
+        if colours is not None:
+            place = axes_at(figure, LEFT + front[0] + GAP + 0.1, BOTTOM + 0.02, min(side[0], 2.6) - 0.3, 0.12)
+            bar = figure.colorbar(colours, cax=place, orientation="horizontal")
+            bar.set_label("line tension, N")
+    return figure
+
+
+def _frame_axes(axes: "Axes", view: tuple[int, int, bool], middle: np.ndarray, scale: float) -> None:
+    """Limits that give all views one scale (in per m), ticks at one spacing, titles and labels."""
+    from matplotlib.ticker import MultipleLocator
+
+    h, v, leftward = view
+    size = np.array([axes.bbox.width, axes.bbox.height]) / axes.figure.dpi / scale
+    ends = middle[h] + 0.5 * size[0] * np.array([-1.0, 1.0])
+    axes.set_xlim(*(ends[::-1] if leftward else ends))
+    axes.set_ylim(middle[v] - 0.5 * size[1], middle[v] + 0.5 * size[1])
+    axes.set_aspect("equal")
+    axes.set_title(TITLES[view], loc="left", pad=3.0)
+    least = 0.42 / scale  # m between ticks
+    decade = 10.0 ** np.floor(np.log10(least))
+    step = next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= least)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(step))
+    axes.grid(True)
+    axes.set_xlabel(f"{'xyz'[h]}, m", labelpad=1.0)
+    axes.set_ylabel(f"{'xyz'[v]}, m", labelpad=1.0)
+    if view == SIDE:
+        axes.tick_params(labelleft=False)
+        axes.set_ylabel("")
+
+
+def _colours(frame: Frame) -> Any:
+    """Colours of the tensions of taut lines from pale (low) to dark (high), None if no line is taut."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    taut = ~frame.two_way & ~frame.slack
+    if not taut.any():
+        return None
+    cut = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)))  # the palest would vanish on paper
+    return ScalarMappable(Normalize(0.0, float(frame.tension[taut].max())), cut)
+
+
+def _draw(axes: "Axes", state: FinalState, view: tuple[int, int, bool], colours: Any) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    at = list(view[:2])
+    surface, frame = state.surface, state.frame
+    corners = surface.position[surface.panels][..., at]
+    wing = PolyCollection(list(corners), fc=(*BLUE, 0.45), ec=(*BLUE, 1.0), lw=0.5, zorder=1)
+    axes.add_collection(wing, autolim=False)
+    if frame is None:
+        return
+    legs, element = frame.legs
+    now = frame.position[legs][..., at]
+
+    def lines(which: np.ndarray | slice, segments: np.ndarray, gid: str, **look: Any) -> None:
+        axes.add_collection(LineCollection(list(segments[which]), gid=gid, **look), autolim=False)
+
+    lines(slice(None), frame.undeformed[legs][..., at], "undeformed", colors="0.70", linewidths=0.6, zorder=2)
+    lines(frame.two_way[element], now, "springs", colors="0.25", linewidths=0.8, zorder=3)
+    slack = frame.slack[element]
+    lines(slack, now, "slack", colors=SLACK, linewidths=1.2, linestyles=[(0.0, (4.0, 2.5))], zorder=5)
+    if colours is not None:
+        taut = ~frame.two_way[element] & ~slack
+        lines(taut, now, "taut", colors=colours.to_rgba(frame.tension[element][taut]), linewidths=1.3, zorder=4)
+    for nodes, mark in ((frame.sheaves, SHEAVE), (np.flatnonzero(frame.supports), SUPPORT)):
+        axes.plot(*frame.position[nodes][:, at].T, ls="", zorder=6, **mark)
+
+
+SHEAVE: dict[str, Any] = {"marker": "o", "ms": 3.6, "mfc": "white", "mec": "black", "mew": 0.7}
+SUPPORT: dict[str, Any] = {"marker": "^", "ms": 5.5, "mfc": "black", "mec": "black", "mew": 0.7}
+
+
+def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
+    """Handles and labels of the legend, of what is there."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[tuple[Any, str]] = [(Patch(fc=(*BLUE, 0.45), ec=BLUE, lw=0.5), "wing surface (interface)")]
+    frame = state.frame
+    if frame is not None:
+        springs, slack = int(frame.two_way.sum()), int(frame.slack.sum())
+        taut = len(frame.two_way) - springs - slack
+        if springs:
+            entries.append((Line2D([], [], color="0.25", lw=0.8), f"springs, two-way ({springs})"))
+        if taut:
+            entries.append((Line2D([], [], color=MIDDLE, lw=1.3), f"lines under tension ({taut})"))
+        if slack:
+            entries.append((Line2D([], [], color=SLACK, lw=1.2, ls=(0.0, (4.0, 2.5))), f"slack lines ({slack})"))
+        if len(frame.sheaves):
+            entries.append((Line2D([], [], ls="", **SHEAVE), "sheaves"))
+        entries.append((Line2D([], [], ls="", **SUPPORT), "fixed nodes"))
+        text = "undeformed: design shape"
+        if state.turn is not None:
+            way = "nose-up" if state.turn >= 0.0 else "nose-down"
+            text += f",\nturned rigidly {abs(state.turn):.2f}\u00b0 {way}\nabout node {state.pivot} to fit the wing"
+        entries.append((Line2D([], [], color="0.70", lw=0.8), text))
+        moved = np.linalg.norm(frame.position - frame.undeformed, axis=1)
+        node = frame.labels[int(np.argmax(moved))]
+        size = f"{moved.max():.3f} m" if moved.max() >= 0.01 else f"{1e3 * moved.max():.3g} mm"
+        entries.append((Line2D([], [], ls=""), f"drawn to scale; largest\ndeformation {size} (node {node})"))
+    handles, labels = zip(*entries, strict=True)
+    return list(handles), list(labels)
+
+
+def _wind(axes: "Axes", view: tuple[int, int, bool], points: np.ndarray, wind: np.ndarray) -> None:
+    """An arrow along the wind in the corner of the view that holds the fewest points."""
+    at = list(view[:2])
+    limits = np.array([axes.get_xlim(), axes.get_ylim()])
+    places = (points[:, at] - limits[:, 0]) / (limits[:, 1] - limits[:, 0])
+    corners = [(x, y) for y in (0.12, 0.88) for x in (0.75, 0.25)]
+    corner = min(corners, key=lambda c: np.count_nonzero(np.all(np.abs(places - c) < [0.25, 0.12], axis=1)))
+    size = np.array([axes.bbox.width, axes.bbox.height]) / axes.figure.dpi
+    half = 0.45 * wind[at] / np.linalg.norm(wind) / size  # of an arrow of 0.9 in
+    tail, head = tuple(np.array(corner) - half), tuple(np.array(corner) + half)
+    arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", head, tail, "axes fraction", "axes fraction", arrowprops=arrow, zorder=7)
+    inward = 1.0 if corner[1] < 0.5 else -1.0
+    height = corner[1] + inward * (abs(half[1]) + 0.04 / size[1])
+    text, va = f"wind {np.linalg.norm(wind):.4g} m/s", "bottom" if inward > 0.0 else "top"
+    axes.text(corner[0], height, text, transform=axes.transAxes, ha="center", va=va, zorder=7)

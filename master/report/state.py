@@ -1,0 +1,193 @@
+"""The final state of a run as the arrays that the plots, VTK files and the page show."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from master.run import Run
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Nodes and elements of the structure.
+
+    `reference` (n,3) m is the design shape, `undeformed` (n,3) m the same turned to the attitude of the result,
+    `position` (n,3) m the result; `chains` lists the nodes of each of the e elements; `tension` (e,) N, `two_way` (e,)
+    bool, `rest_length` and `length` (e,) m; `supports` (n,) bool are nodes with a fixed direction.
+    """
+
+    labels: tuple[str, ...]
+    reference: np.ndarray
+    undeformed: np.ndarray
+    position: np.ndarray
+    supports: np.ndarray
+    names: tuple[str, ...]
+    chains: list[np.ndarray]
+    tension: np.ndarray
+    two_way: np.ndarray
+    rest_length: np.ndarray
+    length: np.ndarray
+
+    @property
+    def slack(self) -> np.ndarray:
+        """Which elements are tension-only and without tension, (e,) bool."""
+        return ~self.two_way & (self.tension <= 0.0)
+
+    @property
+    def legs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Node pairs (l,2) of all legs and the element (l,) that each belongs to; a rope over k sheaves has k + 1."""
+        pairs = [np.stack([chain[:-1], chain[1:]], axis=1) for chain in self.chains]
+        return np.concatenate(pairs), np.repeat(np.arange(len(pairs)), [len(p) for p in pairs])
+
+    @property
+    def sheaves(self) -> np.ndarray:
+        """Nodes that a rope runs over, (s,)."""
+        return np.unique(np.concatenate([chain[1:-1] for chain in self.chains]))
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """The interface mesh: `reference` and `position` (n,3) m, `panels` (m,4), `pressure` (m,) Pa, and where the scene
+    has them `shear` (m,3) Pa and `lines` (k,2) with `diameter` (k,) m and `line_load` (k,3) N/m.
+    """
+
+    reference: np.ndarray
+    position: np.ndarray
+    panels: np.ndarray
+    pressure: np.ndarray
+    shear: np.ndarray | None
+    lines: np.ndarray
+    diameter: np.ndarray
+    line_load: np.ndarray | None
+
+    @property
+    def panel_forces(self) -> np.ndarray:
+        """p a + s |a| with the current area vectors a = d1 x d2 / 2, (m,3) N."""
+        corners = self.position[self.panels]
+        area = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        force = self.pressure[:, None] * area
+        return force if self.shear is None else force + self.shear * np.linalg.norm(area, axis=1)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Strips:
+    """Loads of the lifting-line strips, left tip first.
+
+    `arc` (s,) m along the quarter-chord line from mid-span, right wing positive, `width` (s,) m; `lift` (across the
+    wind, upward), `side` (towards the right wing) and `drag` (along the wind), each (s,) N per m of arc; `alpha` (s,)
+    deg is effective; `circulation` (s,) m2/s. Section polars, where there are some: `coefficients` (3,s) cl, cd, cm of
+    the strips, `curves` (3,s,k) over `angles` (k,) deg.
+    """
+
+    arc: np.ndarray
+    width: np.ndarray
+    lift: np.ndarray
+    side: np.ndarray
+    drag: np.ndarray
+    alpha: np.ndarray
+    circulation: np.ndarray | None
+    coefficients: np.ndarray | None
+    angles: np.ndarray | None
+    curves: np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False)
+class FinalState:
+    """What a run shows; parts that its participants do not give are None. `turn` is the rigid nose-up rotation (deg)
+    about the node `pivot` that fits the design shape to the wing, None for a scene that cannot pitch.
+    """
+
+    surface: Surface
+    frame: Frame | None
+    strips: Strips | None
+    turn: float | None
+    pivot: str | None
+
+
+def status_text(status: str) -> str:
+    """The status of a run in words: converged, statically unstable, or not converged and why."""
+    if status in ("converged", "statically_unstable"):
+        return status.replace("_", " ")
+    return f"not converged ({status.replace('_', ' ')})"
+
+
+def final_state(scene: Any, run: "Run") -> FinalState:
+    """The final state of a `run` of `scene`, see the classes above."""
+    aero, structural = run.blocks["aero"], run.blocks["structural"]
+    mesh = scene.interface
+    lines = np.asarray(getattr(mesh, "lines", np.zeros((0, 2))), dtype=int)
+    surface = Surface(
+        mesh.nodes,
+        mesh.nodes + aero["displacement"],
+        np.asarray(mesh.panels),
+        aero["pressure"],
+        aero.get("shear"),
+        lines,
+        np.asarray(getattr(mesh, "diameter", np.zeros(len(lines)))),
+        aero.get("line_load"),
+    )
+    turn = pivot = None
+    if scene.pivot is not None:
+        wing = np.unique(mesh.panels)
+        about = scene.members.nodes[scene.pivot]
+        x, q = mesh.nodes[wing] - about, (mesh.nodes + structural["displacement"])[wing] - about
+        turn = float(np.arctan2(np.sum(x[:, 2] * q[:, 0] - x[:, 0] * q[:, 2]), np.sum(x[:, [0, 2]] * q[:, [0, 2]])))
+        pivot = scene.members.labels[scene.pivot]
+    frame = _frame(scene, structural, turn) if {"position", "tension"} <= structural.keys() else None
+    return FinalState(surface, frame, _strips(scene, aero, surface), None if turn is None else np.rad2deg(turn), pivot)
+
+
+def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Frame | None:
+    members, position = scene.members, blocks["position"]
+    if not np.all(np.isfinite(position)):
+        return None
+    undeformed = members.nodes
+    if turn is not None:
+        c, s = np.cos(turn), np.sin(turn)
+        about = members.nodes[scene.pivot]
+        undeformed = about + (members.nodes - about) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T
+    chains = [nodes for group in members.chains for nodes in group.nodes]
+    rest = np.concatenate([group.l0 for group in members.chains])
+    for tape, elements in scene.content["structure"].get("tapes", {}).items():
+        if tape in blocks:
+            rest[[members.names.index(name) for name in elements]] = float(blocks[tape])
+    length = [np.linalg.norm(np.diff(position[nodes], axis=0), axis=1).sum() for nodes in chains]
+    two_way = np.concatenate([group.two_way for group in members.chains])
+    supports = members.fixed.any(axis=1)
+    return Frame(
+        members.labels, members.nodes, undeformed, position, supports,
+        members.names, chains, blocks["tension"], two_way, rest, np.array(length),
+    )  # fmt: skip
+
+
+def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips | None:
+    """The strips of a lifting line: panel i and panel i + strips belong to strip i."""
+    sections = getattr(scene.interface, "sections", None)
+    if sections is None or not {"alpha", "wind_direction"} <= aero.keys():
+        return None
+    n = len(sections) - 1
+    if aero["alpha"].shape != (n,) or surface.pressure.shape != (2 * n,) or not np.all(np.isfinite(surface.position)):
+        return None
+    edge = surface.position[sections]
+    quarter = edge[:, 0] + 0.25 * (edge[:, -1] - edge[:, 0])
+    width = np.linalg.norm(np.diff(quarter, axis=0), axis=1)
+    arc = np.cumsum(width) - 0.5 * width - 0.5 * width.sum()
+    along = aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
+    up = np.cross(along, [0.0, 1.0, 0.0])
+    up /= np.linalg.norm(up)
+    panel = surface.panel_forces
+    lift, side, drag = ((panel[:n] + panel[n:]) / width[:, None] @ np.array([up, np.cross(up, along), along]).T).T
+    coefficients = angles = curves = None
+    if scene.content["wing"].get("polars") and hasattr(scene, "strip_polars"):
+        polars = scene.strip_polars()
+        coefficients = polars.all(aero["alpha"])
+        # 15 deg to either side: what a gust or a turn may reach, and wide enough to show how far stall is
+        low = max(polars.alpha[0], aero["alpha"].min() - np.deg2rad(15.0))
+        high = min(polars.alpha[-1], aero["alpha"].max() + np.deg2rad(15.0))
+        grid = np.linspace(min(low, high), max(low, high), 121)
+        curves = np.stack([polars.all(np.full(n, a)) for a in grid], axis=-1)
+        angles = np.rad2deg(grid)
+    alpha = np.rad2deg(aero["alpha"])
+    return Strips(arc, width, lift, side, drag, alpha, aero.get("circulation"), coefficients, angles, curves)

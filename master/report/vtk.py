@@ -1,0 +1,81 @@
+"""The final state as VTK files (.vtu) for ParaView: wing surface, structure, exposed lines.
+
+Points are those of the result; `displacement_m` leads there from the design shape (Warp By Vector with factor -1 goes
+back). `node`, `panel`, `element` and `line` count from 1, as the rows of the CSV tables do.
+"""
+
+import tempfile
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from master.report.state import Frame, Surface
+
+KINDS = {"spring": 0, "line": 1, "rope over sheaves": 2}  # numbers of the cell data `kind`
+
+
+def wing_file(surface: Surface) -> bytes:
+    """The wing: quads (triangles where a panel repeats its last index) with pressure_Pa, and shear_Pa if there is one.
+
+    Points are the interface nodes that panels use, cells keep the order of the panels.
+    """
+    nodes, corners = np.unique(surface.panels, return_inverse=True)
+    corners = corners.reshape(surface.panels.shape)
+    triangle = corners[:, 2] == corners[:, 3]
+    blocks = [list(rows) for _, rows in groupby(range(len(corners)), key=lambda i: bool(triangle[i]))]
+    cells = [("triangle", corners[rows, :3]) if triangle[rows[0]] else ("quad", corners[rows]) for rows in blocks]
+    data = {"panel": np.arange(1, len(corners) + 1), "pressure_Pa": surface.pressure}
+    if surface.shear is not None:
+        data["shear_Pa"] = surface.shear
+    return _vtu(
+        surface.position[nodes],
+        cells,
+        {"node": nodes + 1, "displacement_m": (surface.position - surface.reference)[nodes]},
+        {name: [values[rows] for rows in blocks] for name, values in data.items()},
+    )
+
+
+def structure_file(frame: Frame) -> bytes:
+    """The elements as lines, a rope over sheaves as its legs: tension_N, slack (1 or 0), kind (0 spring, two-way;
+    1 line; 2 rope over sheaves), rest_length_m and length_m of the whole element, and its number.
+    """
+    legs, element = frame.legs
+    sheaves = np.array([len(chain) > 2 for chain in frame.chains])
+    kind = np.where(frame.two_way, KINDS["spring"], np.where(sheaves, KINDS["rope over sheaves"], KINDS["line"]))
+    data = {
+        "element": np.arange(1, len(frame.chains) + 1),
+        "tension_N": frame.tension,
+        "slack": frame.slack.astype(np.int64),
+        "kind": kind,
+        "rest_length_m": frame.rest_length,
+        "length_m": frame.length,
+    }
+    points = {
+        "node": np.arange(1, len(frame.position) + 1),
+        "displacement_m": frame.position - frame.reference,
+        "fixed": frame.supports.astype(np.int64),
+    }
+    return _vtu(frame.position, [("line", legs)], points, {name: [values[element]] for name, values in data.items()})
+
+
+def lines_file(surface: Surface) -> bytes:
+    """The lines that stand in the wind with diameter_m, and line_load_N_per_m if there is one."""
+    nodes, ends = np.unique(surface.lines, return_inverse=True)
+    data = {"line": [np.arange(1, len(surface.lines) + 1)], "diameter_m": [surface.diameter]}
+    if surface.line_load is not None:
+        data["line_load_N_per_m"] = [surface.line_load]
+    points = {"node": nodes + 1, "displacement_m": (surface.position - surface.reference)[nodes]}
+    return _vtu(surface.position[nodes], [("line", ends.reshape(surface.lines.shape))], points, data)
+
+
+def _vtu(points: np.ndarray, cells: Any, point_data: dict[str, np.ndarray], cell_data: dict[str, Any]) -> bytes:
+    """Content of a .vtu file, binary and compressed."""
+    import meshio
+
+    mesh = meshio.Mesh(np.asarray(points, float), cells, point_data, cell_data)
+    with tempfile.TemporaryDirectory() as folder:  # meshio writes to paths only
+        path = Path(folder) / "mesh.vtu"
+        mesh.write(path, file_format="vtu")
+        return path.read_bytes()
