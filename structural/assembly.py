@@ -1,5 +1,6 @@
 """Residual and tangent of a structure on a sparsity pattern and scatter maps that are built once."""
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ from .structure import (
     Unknowns,
     canonical_chains,
     canonical_panels,
+    elimination_order,
     mirror_permutation,
     mirror_rows,
     unique_half,
@@ -29,6 +31,25 @@ from .surface import (
 def _dofs(nodes):
     """Dofs (e, 3m) of elements with nodes (e, m)."""
     return (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), 3 * nodes.shape[1])
+
+
+def _couplings(structure, mirror):
+    """Sparse incidences (elements, n) of the nodes that chains, panels and exposed lines couple.
+
+    With a `mirror` permutation a node stands for its image too.
+    """
+    n = len(structure.nodes)
+    surface = sp.csr_array(structure.surface)
+    for elements, of_node in [(c.nodes, None) for c in structure.chains] + [
+        (structure.panels, surface),
+        (structure.lines, surface),
+    ]:
+        e, m = elements.shape
+        columns = n if of_node is None else surface.shape[0]
+        entries = np.ones(e * m), (np.repeat(np.arange(e), m), elements.ravel())
+        incidence = sp.csr_array(entries, shape=(e, columns))
+        incidence = incidence if of_node is None else sp.csr_array(incidence @ abs(of_node))
+        yield incidence if mirror is None else incidence + incidence[:, mirror]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +71,8 @@ class Assembly:
 
     def __init__(self, structure: Structure, mirror: np.ndarray | None = None):
         self.structure = structure
-        self.unknowns: Unknowns = unknowns(structure.nodes, structure.fixed, mirror)
+        order = elimination_order(_couplings(structure, mirror), ~structure.fixed.all(axis=1))
+        self.unknowns: Unknowns = unknowns(structure.nodes, structure.fixed, mirror, order)
         groups = [c.nodes for c in structure.chains]
         if mirror is None:
             self._rows = [(np.arange(len(g)), np.ones(len(g))) for g in groups]
@@ -99,6 +121,7 @@ class Assembly:
         self._indices = (unique % n).astype(np.int32)
         self._indptr = np.searchsorted(unique // n, np.arange(n + 1)).astype(np.int32)
         self.diagonal = where[:n]
+        self._empty = sp.csc_array((np.zeros(self._nnz), self._indices, self._indptr), shape=(n, n))
         self._scatter_k, self._scatter_f = [], []
         start = n
         for index, sign, weight in blocks:
@@ -161,9 +184,10 @@ class Assembly:
         return internal - external, self.matrix(data), self.unknowns.norm(external)
 
     def matrix(self, data):
-        """Sparse (q,q) matrix on the fixed pattern."""
-        n = self.unknowns.count
-        return sp.csc_array((data, self._indices, self._indptr), shape=(n, n))
+        """Sparse (q,q) matrix on the fixed pattern, which all these matrices share."""
+        matrix = copy.copy(self._empty)  # a constructor would check the pattern again, for longer than it takes to fill
+        matrix.data = data
+        return matrix
 
     def energy(self, x, chains):
         """Strain energy J of all chains at node positions x (n,3)."""

@@ -90,13 +90,13 @@ def chain_forces_and_tangents(x, chains):
     """
     u, l, safe, jammed = _legs(x, chains)
     t, active = _tension(l, chains)
+    per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
     g = _length_gradient(u)
+    if g.shape[1] == 2:
+        return t[:, None, None] * g, _spring_tangents(u[:, 0], l[:, 0], chains.k * active, per_length[:, 0], chains)
     e, m, _ = g.shape
     flat = g.reshape(e, 3 * m)
     tangent = (chains.k * active)[:, None, None] * (flat[:, :, None] * flat[:, None, :])
-    per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
-    if m == 2:
-        per_length[:, 0] = np.where((l[:, 0] == 0.0) & (chains.l0 == 0.0), chains.k, per_length[:, 0])
     along = np.where(jammed, 0.0, 1.0)[..., None, None] * (u[..., :, None] * u[..., None, :])
     geometric = per_length[..., None, None] * (np.eye(3) - along)  # (e, m-1, 3, 3)
     blocks = tangent.reshape(e, m, 3, m, 3)
@@ -106,3 +106,14 @@ def chain_forces_and_tangents(x, chains):
         blocks[:, i, :, i + 1, :] -= geometric[:, i]
         blocks[:, i + 1, :, i, :] -= geometric[:, i]
     return t[:, None, None] * g, tangent
+
+
+def _spring_tangents(u, l, k, per_length, chains):
+    """Tangents (e,6,6) N/m of elements with two nodes: one block k u u^T + T/l (I - u u^T) four times, twice negative."""
+    per_length = np.where((l == 0.0) & (chains.l0 == 0.0), chains.k, per_length)
+    block = (k - per_length)[:, None, None] * (u[:, :, None] * u[:, None, :])
+    block += per_length[:, None, None] * np.eye(3)
+    tangent = np.empty((len(u), 2, 3, 2, 3))
+    tangent[:, 0, :, 0] = tangent[:, 1, :, 1] = block
+    tangent[:, 0, :, 1] = tangent[:, 1, :, 0] = -block
+    return tangent.reshape(len(u), 6, 6)

@@ -14,15 +14,13 @@ from .structure import Loads
 SMALLEST_SHIFT = 1e-12
 # Least stiffness of the shift, relative to that of the stiffest element, where all members are slack.
 SOFTEST = 1e-6
-# Steps refused one after the other, and trials along one step, before giving up.
-MOST_REJECTIONS, MOST_TRIALS = 12, 12
+# A pivot leaves the diagonal only where it is below this part of its column: elsewhere the fill stays that of the order
+# in which the assembly numbers the unknowns. Steps are checked by their direction and residual, not by their digits.
+PIVOT = 0.01
+# Steps refused one after the other, and cuts of one step, before giving up.
+MOST_REJECTIONS, MOST_CUTS = 30, 12
 # After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
-SHORT_STEPS, BURST = 3, 5
-# Work left at the end of a line search, relative to that at its start. A trial costs a tenth of a factorisation, so
-# that a search nearly to the end pays where members buckle.
-LINE_SEARCH = 0.1
-# First shift where one is needed, relative to the mean stiffness, and the one from which it counts as none.
-FIRST_SHIFT, NO_SHIFT = 1e-4, 1e-8
+SHORT_STEPS, BURST = 3, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +53,7 @@ def equilibrium(
     x0: np.ndarray,
     atol: float = 1e-6,
     rtol: float = 0.0,
-    max_iterations: int = 200,
+    max_iterations: int = 400,
     step_limit: float = 1.0,
 ) -> Equilibrium:
     """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
@@ -65,11 +63,10 @@ def equilibrium(
 
     Whole Newton steps come first and are kept as long as each burst of them lowers the residual: that is all a warm
     start needs, and it is what stiff members need that turn by a large angle. Otherwise Newton on K + mu S goes on, S
-    the mean stiffness, with a line search: the shift mu grows until the step goes downhill and while steps come out
-    short, and falls while they come out whole (Levenberg-Marquardt), down to none. The search looks for the point along
-    the step where the out-of-balance force does no more work, r.d = 0. Under dead loads that is the minimum of the
-    energy along the step, and it needs no energy, so follower loads may take part. No step moves a node by more than
-    `step_limit` m.
+    the mean stiffness: the shift mu is tied to the residual and adapts to how well the step did (Levenberg-Marquardt;
+    quadratic convergence at the end also with mechanisms), and a step is shortened until the out-of-balance force
+    along it no longer grows. For tension-only members under dead loads that is a line search on a convex energy, and
+    it needs no energy, so follower loads may take part. No step moves a node by more than `step_limit` m.
     """
     solve = _Solve(assembly, chains, loads, x0, max(atol, rounding_force(chains)), rtol, max_iterations, step_limit)
     while not solve.finished() and solve.burst():
@@ -99,7 +96,7 @@ class _Solve:
         self.atol, self.rtol = atol, rtol
         self.max_iterations, self.step_limit = max_iterations, step_limit
         self.softest = SOFTEST * max(float(c.k.max(initial=0.0)) for c in chains)
-        self.mu, self.rejected, self.status = 0.0, 0, "max_iterations"
+        self.damping, self.rejected, self.status = 1.0, 0, "max_iterations"
         self.norms = []
         q = assembly.unknowns.restrict(x0)
         self._accept(q, assembly.residual_and_tangent(q, self.prepared))
@@ -140,51 +137,53 @@ class _Solve:
         before = self.q, self.r, self.k, self.external, self.norm
         start = self.norm
         for _ in range(BURST):
-            step, _ = self._step(0.0)
+            step = self._step(SMALLEST_SHIFT)
             q = self.q + step
             self._accept(q, self.assembly.residual_and_tangent(q, self.prepared))
             if not np.isfinite(self.norm) or self.norm <= 0.1 * start or self.finished():
                 break
         if self.norm < 0.5 * start or self.status == "converged":
-            self.mu = 0.0
+            self.damping = 0.0
             return True
         self.status = "max_iterations"
         self.q, self.r, self.k, self.external, self.norm = before
         return False
 
     def guarded_step(self):
-        """One shifted step, as long as it goes downhill; the fraction taken, 0 where none would do."""
-        step, self.mu = self._step(self.mu)
+        """One shifted step, shortened as far as needed; the fraction taken, 0 where none would do."""
+        relative = min(self.norm / max(self.external, self.norms[0]), 1.0)
+        step = self._step(max(self.damping * relative, SMALLEST_SHIFT))
         s, trial = self._along(step)
         if trial is None:
-            self.mu = max(10.0 * self.mu, FIRST_SHIFT)
+            self.damping = max(10.0 * self.damping, 1e-3)
             self.rejected += 1
             return 0.0
         self.rejected = 0
-        if s >= 0.9:
-            self.mu = 0.2 * self.mu if self.mu > NO_SHIFT else 0.0
+        if s == 1.0:
+            self.damping = 0.2 * self.damping if self.damping > 1e-8 else 0.0
         elif s < 0.3:
-            self.mu = max(4.0 * self.mu, FIRST_SHIFT)
+            self.damping = max(4.0 * self.damping, 1e-4)
         self._accept(self.q + s * step, trial)
         return s
 
     def _diagonal(self):
         return np.abs(self.k.data[self.assembly.diagonal])
 
-    def _factors(self, shift, pivot=1.0):
+    def _factors(self, shift, pivot=PIVOT):
         """Factors of the tangent with `shift` N/m added to its diagonal; pivots leave it where below `pivot` of their
         column.
         """
-        shifted = self.k.copy()
-        shifted.data[self.assembly.diagonal] += shift
-        return spla.splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=pivot, options={"SymmetricMode": True})
+        data = self.k.data.copy()
+        data[self.assembly.diagonal] += shift
+        options = {"SymmetricMode": True}
+        return spla.splu(self.assembly.matrix(data), permc_spec="NATURAL", diag_pivot_thresh=pivot, options=options)
 
     def _step(self, mu):
-        """Step of the shifted tangent within the step limit, and the shift with which it goes downhill (-r.d > 0)."""
+        """Step of the shifted tangent within the step limit; the shift grows until it goes downhill (-r.d > 0)."""
         scale = max(self.softest, float(self._diagonal().mean()))
         while True:
             try:
-                step = self._factors(max(mu, SMALLEST_SHIFT) * scale).solve(-self.r)
+                step = self._factors(mu * scale).solve(-self.r)
             except RuntimeError:  # exactly singular
                 step = np.full_like(self.r, np.nan)
             if np.all(np.isfinite(step)) and float(step @ self.r) < 0.0:
@@ -193,39 +192,24 @@ class _Solve:
                 step = -self.r / scale
                 break
             mu = max(10.0 * mu, 1e-6)
-        return step * min(1.0, self.step_limit / float(np.abs(step).max())), mu
+        return step * min(1.0, self.step_limit / float(np.abs(step).max()))
 
     def _along(self, step):
-        """Fraction s of the step where the out-of-balance force does hardly any work along it, and (r, K, ||f_ext||).
+        """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.
 
-        The full step is tried with its tangent, because it is mostly taken: so it is too where it halves the residual.
-        Otherwise s doubles within the step limit while r.d goes on downhill, and then false position (Illinois: Dowell
-        & Jarratt 1971) finds r.d = 0 between its two signs. None if nothing but no step at all would do.
+        The full step is tried with its tangent, because it is nearly always taken; None if no fraction will do.
         """
-        start = float(self.r @ step)
-        trial = self.assembly.residual_and_tangent(self.q + step, self.prepared)
-        if self.assembly.unknowns.norm(trial[0]) < 0.5 * self.norm:
-            return 1.0, trial
-        longest = max(1.0, self.step_limit / float(np.abs(step).max()))
-        s, slope = 1.0, float(trial[0] @ step)
-        low, high, slope_low, slope_high = 0.0, np.inf, start, np.inf
-        for _ in range(MOST_TRIALS):
-            if abs(slope) <= LINE_SEARCH * abs(start) or (slope < 0.0 and s >= longest):
-                break
-            if slope < 0.0:
-                slope_high *= 1.0 if low == 0.0 else 0.5
-                low, slope_low = s, slope
-            else:  # or not finite
-                slope_low *= 1.0 if high == np.inf else 0.5
-                high, slope_high = s, slope
-            if high == np.inf:
-                s = min(2.0 * s, longest)
+        slope = float(self.r @ step)
+        s = 1.0
+        for _ in range(MOST_CUTS):
+            trial = self.assembly.residual_and_tangent(self.q + s * step, self.prepared)
+            slope_new = float(trial[0] @ step)
+            if np.isfinite(slope_new):
+                downhill = slope_new < 0.0  # the minimum along the step lies still ahead
+                halved = self.assembly.unknowns.norm(trial[0]) < 0.5 * self.norm
+                if downhill or abs(slope_new) <= 0.9 * abs(slope) or halved:
+                    return s, trial
+                s *= min(max(slope / (slope - slope_new), 0.1), 0.7)  # secant to r.d = 0
             else:
-                share = slope_low / (slope_low - slope_high) if np.isfinite(slope_high) else 0.1
-                s = low + min(max(share, 0.05), 0.95) * (high - low)
-            slope = float(self.assembly.residual(self.q + s * step, self.prepared)[0] @ step)
-        else:
-            if low == 0.0:
-                return 0.0, None
-            s = low
-        return s, trial if s == 1.0 else self.assembly.residual_and_tangent(self.q + s * step, self.prepared)
+                s *= 0.1
+        return s, None

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from scipy.spatial import cKDTree
 
 from .chains import Chains
@@ -95,9 +96,9 @@ class Unknowns:
         return np.bincount(self.index[free], (self.sign * f.reshape(-1))[free], minlength=self.count)
 
 
-def unknowns(nodes, fixed, mirror=None):
+def unknowns(nodes, fixed, mirror=None, order=None):
     """Unknowns of a structure with reference `nodes` (n,3), supports `fixed` (n,3), and its `mirror` permutation if
-    any.
+    any; those of one node stand together, nodes of lower `order` (n,) first.
     """
     n = len(nodes)
     dof = np.arange(3 * n).reshape(n, 3)
@@ -113,12 +114,36 @@ def unknowns(nodes, fixed, mirror=None):
         known[in_plane, 1] = True
     own = (~known) & (master == dof)
     first = dof[own]
+    if order is not None:
+        first = first[np.argsort(order[first // 3], kind="stable")]
     number = np.full(3 * n, -1)
     number[first] = np.arange(len(first))
     index = np.where(known, -1, number[master])
     base = np.where(known, nodes, 0.0)
     shares = np.bincount(index[index >= 0].reshape(-1), minlength=len(first))
     return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first, shares)
+
+
+def elimination_order(groups, free):
+    """Place (n,) of every node in an order of elimination that fills in little: minimum degree on the graph of nodes.
+
+    `groups` are sparse incidences (elements, n) of nodes that an element couples, `free` (n,) says which nodes are
+    eliminated. Found once for a structure, it serves every factorisation.
+    """
+    n = len(free)
+    incidence = sp.csr_array(sp.vstack([sp.csr_array((0, n)), *groups]))
+    incidence.data[:] = 1.0
+    incidence = incidence[:, free]
+    graph = sp.csc_array(incidence.T @ incidence)
+    order = np.full(n, n)
+    if graph.shape[0]:
+        # diagonally dominant, so that the pattern alone decides
+        dominant = sp.csc_array(graph + sp.diags_array(graph.sum(axis=0) + 1.0))
+        factors = spla.splu(
+            dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+        order[free] = factors.perm_c
+    return order
 
 
 def canonical_chains(nodes):

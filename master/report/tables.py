@@ -51,8 +51,8 @@ def write_state(
 ) -> list[str]:
     """The final state as tables: nodes, elements, interface, panels and exposed lines, as far as the blocks are there.
 
-    `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`, `panels` and
-    `lines`. Returns the names of the files.
+    `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`,
+    `panels` and `lines`. Returns the names of the files.
     """
     rows: list[list[Any]]
     written = ["interface.csv", "panels.csv"]

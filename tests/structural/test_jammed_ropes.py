@@ -33,7 +33,7 @@ def test_light_weight_of_atwoods_machine_jams_in_the_knob_of_the_sheave(light, s
     long = REST + heavy / STIFFNESS - 0.5 * (short**2 / knob + knob)
     # the softest stiffness is that of the long leg's swing, 20 N / 1.9 m: 1e-9 N are 1e-10 m
     assert result.x == pytest.approx(np.array([[0, 0, -long], [0, 0, 0], [0, 0, -short]]), abs=1e-9)
-    assert result.iterations <= 45  # 6 to 29 seen
+    assert result.iterations <= 150  # 6 to 91 seen
 
 
 def _rope(leg):
