@@ -109,7 +109,7 @@ def chain_forces_and_tangents(x, chains):
 
 
 def _spring_tangents(u, l, k, per_length, chains):
-    """Tangents (e,6,6) N/m of elements with two nodes: one block k u u^T + T/l (I - u u^T) four times, twice negative."""
+    """Tangents (e,6,6) N/m of elements with two nodes: blocks k u u^T + T/l (I - u u^T), negative between the nodes."""
     per_length = np.where((l == 0.0) & (chains.l0 == 0.0), chains.k, per_length)
     block = (k - per_length)[:, None, None] * (u[:, :, None] * u[:, None, :])
     block += per_length[:, None, None] * np.eye(3)

@@ -6,8 +6,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.optimize import brentq
 
+from benchmarks.nets import saddle
 from structural import Assembly, Loads, equilibrium, tensions
-from tests.structural.models import chains, dead, saddle, structure
+from tests.structural.models import chains, dead, structure
 
 
 def _solve(s, loads, x0=None, **options):

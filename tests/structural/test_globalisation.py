@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.nets import saddle
 from structural import Assembly, Loads, equilibrium, tensions
 from structural.chains import Chains, chain_energy
-from tests.structural.models import chains, dead, lengths, saddle, structure
+from tests.structural.models import chains, dead, lengths, structure
 
 
 @pytest.mark.parametrize("g", [3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 17, 20, 31])

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import scenes
+from benchmarks.problems import in_process, loaded
 from fmus.builder import build
 from master.acceleration import IQNILS
 from master.coupling import solve
 from master.participants import FmuParticipant
-from tests.verification.pairs import in_process, loaded
 
 LOADS = ("pressure", "shear", "line_load")
 
@@ -43,7 +43,7 @@ def exchange(structure, flow, order, t):
 
 @pytest.mark.parametrize("order", ["flow first", "structure first", "both at once"])
 def test_any_order_of_stepping_ends_at_the_coupled_equilibrium(order, tmp_path):
-    scene, given = loaded("v3_kite", None, {"wind_speed": 12.0})
+    scene, given = loaded("v3_kite", wind_speed=12.0)
     paths = build(scene, tmp_path, given)
     with FmuParticipant(paths[0]) as structure, FmuParticipant(paths[1]) as flow:
         assert float(flow.get("CL")) > 0.3  # the loads on the wing as it starts are there before the first step

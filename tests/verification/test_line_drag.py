@@ -6,10 +6,10 @@ from scipy.optimize import brentq
 
 import scenes
 from aero import line_loads
+from benchmarks.problems import in_process
 from master import Aitken, fixed_point
 from master.coupling import SCHEMES, solve
 from structural import Assembly, Chains, Loads, Structure, equilibrium, tensions
-from tests.verification.pairs import in_process
 
 
 def blown_line(n, span=100.0, length=101.0, diameter=0.004, wind=10.0):

@@ -12,37 +12,12 @@ a closed form for the pressure that belongs to a twist.
 import numpy as np
 import pytest
 
+from benchmarks.problems import ALPHA_0, DENSITY, as_fmus, divergence_pressure, in_process, plate_wind, twist
 from master.acceleration import IQNILS, Aitken, ConstantRelaxation
 from master.coupling import SCHEMES, solve
 from master.run import coupled_run
-from tests.verification.pairs import as_fmus, in_process
 
-ALPHA_0, DENSITY = 0.005, 1.225  # incidence [rad], small enough for the springs to stretch the plate by < 1e-8
-# Variant -> elastic axis [chord fractions]; chord 1 m, support stiffness 2000 N/m in all.
-AXIS = {"divergent": 0.4, "restoring": 0.1}
-
-
-def divergence_pressure(variant):
-    axis = AXIS[variant]
-    stiffness = 2000.0 * axis * (1.0 - axis)  # N m/rad
-    return stiffness / (2.0 * np.pi * (axis - 0.25))  # Pa, negative ahead of the aerodynamic centre
-
-
-def speed_for(variant, theta):
-    q = divergence_pressure(variant) * np.sin(theta) / (ALPHA_0 + theta)
-    return float(np.sqrt(2.0 * q / DENSITY))
-
-
-def incidence(angle):
-    return np.array([np.cos(angle), 0.0, np.sin(angle)])
-
-
-def twist(displacement):
-    """Nose-up rotation of the plate [rad] from the displacement of its first section's edges."""
-    leading, trailing = displacement[0], displacement[2]
-    return float(np.arctan2(leading[2] - trailing[2], 1.0 + trailing[0] - leading[0]))
-
-
+ALONG = {"wind_direction": (np.cos(1e-3), 0.0, np.sin(1e-3))}  # incidence of 1e-3 rad
 BELOW = [("divergent", t) for t in np.linspace(0.0005, 0.03, 10)]  # q / q_D = 0.09 ... 0.86
 RESTORING = [("restoring", t) for t in np.linspace(-0.0005, -0.0043, 10)]  # q / |q_D| = 0.1 ... 6
 BEYOND = [("divergent", t) for t in np.linspace(-0.02, -0.08, 10)]  # q / q_D = 1.33 ... 1.07
@@ -50,9 +25,7 @@ BEYOND = [("divergent", t) for t in np.linspace(-0.02, -0.08, 10)]  # q / q_D = 
 
 def plate(variant, theta):
     """The plate in the wind that holds it at the twist theta [rad]."""
-    return in_process(
-        "typical_section", {"variant": variant}, wind_speed=speed_for(variant, theta), wind_direction=incidence(ALPHA_0)
-    )
+    return in_process("typical_section", {"variant": variant}, **plate_wind(variant, theta))
 
 
 @pytest.mark.parametrize(("variant", "theta"), BELOW + RESTORING + BEYOND)
@@ -76,7 +49,7 @@ def test_an_equilibrium_beyond_divergence_is_reported_as_statically_unstable(var
 @pytest.mark.parametrize("fraction", [0.3, 0.6, 0.9])
 def test_below_divergence_the_equilibrium_is_stable_and_explicit_coupling_contracts_by_q_over_q_d(fraction):
     q = fraction * divergence_pressure("divergent")
-    coupling = in_process("typical_section", wind_speed=np.sqrt(2.0 * q / DENSITY), wind_direction=incidence(1e-3))
+    coupling = in_process("typical_section", wind_speed=np.sqrt(2.0 * q / DENSITY), **ALONG)
     run = coupled_run(coupling, ConstantRelaxation(1.0), atol=1e-9)
     assert run.status == "converged"
     assert run.stability is not None
@@ -103,18 +76,17 @@ def test_explicit_coupling_ahead_of_the_aerodynamic_centre_converges_just_below_
     for fraction, statuses in ((0.97, ("converged",)), (1.03, ("diverged", "stalled", "max_iterations"))):
         q = -fraction * divergence_pressure("restoring")
         coupling = in_process(
-            "typical_section", {"variant": "restoring"}, wind_speed=np.sqrt(2.0 * q / DENSITY),
-            wind_direction=incidence(1e-3),
+            "typical_section", {"variant": "restoring"}, wind_speed=np.sqrt(2.0 * q / DENSITY), **ALONG
         )  # fmt: skip
         # From 3 % above the bound the residual grows by 3 % an iteration: a factor of 1e5 over 400.
         assert solve(coupling, ConstantRelaxation(1.0), atol=1e-8, max_iterations=800).status in statuses
 
 
-def test_the_plate_flies_the_same_as_two_fmus(tmp_path):
-    speed = speed_for("restoring", -0.004)
+def test_the_plate_flies_the_same_as_two_fmus():
+    speed = plate_wind("restoring", -0.004)["wind_speed"]
     settings = {"variant": "restoring"}
     inside = solve(in_process("typical_section", settings, wind_speed=speed), IQNILS(omega0=0.5))
-    with as_fmus(tmp_path, "typical_section", settings, wind_speed=speed) as coupling:
+    with as_fmus("typical_section", settings, wind_speed=speed) as coupling:
         outside = solve(coupling, IQNILS(omega0=0.5))
     a, b = (np.array([row["residual_m"] for row in r.history]) for r in (inside, outside))
     np.testing.assert_allclose(b, a, rtol=1e-10)  # the same arithmetic on the same machine

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import scenes
+from benchmarks.problems import as_fmus, in_process
 from master.acceleration import IQNILS, Aitken, ConstantRelaxation
 from master.coupling import SCHEMES, solve
 from master.fixed_point import fixed_point
 from master.run import coupled_run
 from master.spectrum import critical_relaxation, dominant_eigenvalue
-from tests.verification.pairs import as_fmus, in_process
 
 SPEEDS = (8.0, 12.0, 20.0)
 MOST_ITERATIONS = {8.0: 15, 12.0: 15, 20.0: 20}
@@ -138,9 +138,9 @@ def test_without_gravity_roll_about_the_wind_is_neutral():
 
 
 @pytest.mark.parametrize("name", list(SCHEMES))
-def test_fmus_and_in_process_solvers_give_the_same_iterates(tmp_path, name):
+def test_fmus_and_in_process_solvers_give_the_same_iterates(name):
     inside = solve(in_process("v3_kite", wind_speed=12.0), SCHEMES[name](), max_iterations=30)
-    with as_fmus(tmp_path, "v3_kite", wind_speed=12.0) as coupling:
+    with as_fmus("v3_kite", wind_speed=12.0) as coupling:
         outside = solve(coupling, SCHEMES[name](), max_iterations=30)
     assert outside.status == inside.status
     a, b = (np.array([row["residual_m"] for row in r.history]) for r in (inside, outside))
