@@ -33,7 +33,7 @@ def pages(root=ROOT):
 def known_fragments():
     """Names that a marker may carry."""
     entries = registered()
-    figures = [f"{name}.svg" for name, entry in entries.items() if isinstance(entry, Case)]
+    figures = [f"{name}.svg" for name, entry in entries.items() if isinstance(entry, Case) or entry.draw]
     return {*entries, *figures, "cases", "machine"}
 
 

@@ -4,11 +4,21 @@ import importlib
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-SUBJECTS = ("v3_aero", "v3_coupled", "v3_coupled_tables", "v3_range", "typical_section", "saddle", "exchange")
+SUBJECTS = (
+    "v3_flown",
+    "v3_aero",
+    "v3_coupled",
+    "v3_coupled_tables",
+    "v3_range",
+    "typical_section",
+    "saddle",
+    "exchange",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +116,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Table:
-    """A comparison that is no work-precision case: `build(quick)` returns markdown, `title` says what it shows."""
+    """A comparison that is no work-precision case: `build(quick)` returns markdown, `title` says what it shows, and
+    `draw(path)` writes its figure as SVG where it has one.
+    """
 
     name: str
     title: str
     build: Callable[[bool], str]
+    draw: Callable[[Path], None] | None = None
 
 
 def registered():

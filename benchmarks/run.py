@@ -49,6 +49,8 @@ def _one(entry, out, quick, memory, progress):
         text = case_fragment(entry, rows)
     else:
         text = f"{entry.title}.\n\n{entry.build(quick)}"
+        if entry.draw:
+            entry.draw(out / f"{entry.name}.svg")
     (out / f"{entry.name}.md").write_text(f"{text}\n\n{command(entry.name)}\n", encoding="utf-8")
     return problems
 
