@@ -184,3 +184,22 @@ def test_beyond_the_stated_range_a_run_ends_with_a_status_and_its_history(parame
     assert result.status != "converged"
     assert result.message
     assert len(result.history) == result.iterations >= 1
+
+
+def test_flight_states_vary_smoothly_over_wind_and_power_tape():
+    winds, tapes = (8.0, 12.0, 16.0, 20.0), (2.9, 3.129, 3.3)
+    alpha, span, pull = np.empty((3, len(tapes), len(winds)))
+    for i, tape in enumerate(tapes):
+        for j, wind in enumerate(winds):
+            coupling = in_process("v3_kite", wind_speed=wind, power_tape_length=tape)
+            assert solve(coupling, SCHEMES["iqn-ils"]()).status == "converged"
+            alpha[i, j] = np.rad2deg(float(coupling.aero.get("alpha_mid")))
+            span[i, j] = float(coupling.aero.get("tip_span"))
+            pull[i, j] = np.linalg.norm(coupling.structural.get("support_force"))
+    # more wind and a longer tape lower the angle of attack, and ever less so; more wind bends the tips inwards
+    assert np.all(np.diff(alpha, axis=0) < 0.0)
+    assert np.all(np.diff(alpha, axis=1) < 0.0)
+    assert np.all(np.diff(alpha, n=2, axis=1) > 0.0)
+    assert np.all(np.diff(span, axis=1) < 0.0)
+    assert np.all(np.diff(pull, axis=1) > 0.0)
+    assert np.abs(np.diff(span, axis=1)).max() < 0.4  # m; to a branch with folded tips it is more than 1 m
