@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .vortices import infinite_velocity, segment_velocity, semi_infinite_velocity
+from .strips import control_fractions
+from .vortices import infinite_velocity, line_velocity, segment_velocity, semi_infinite_velocity
 
 # Core radius as a fraction of the strip width. Only filaments that come closer than about a tenth of a strip notice it;
 # 0.05 is the value of Damiani et al. (2019).
@@ -43,6 +44,22 @@ def control_influence(strips, wake_direction, rows=slice(None), core_fraction=CO
     own = np.arange(len(strips.width))[rows]
     a[:, np.arange(len(own)), own] -= infinite_velocity(points, strips.centre[rows], strips.span[rows], core[rows])
     return a
+
+
+def wake_influence(strips, wake_direction, rows=slice(None), core_fraction=CORE_FRACTION):
+    """Half the velocity far behind the strips `rows` of each strip's unit circulation, (3, p, n) 1/m.
+
+    There the trailing vortices are straight lines without end. By Munk's stagger theorem (1921) the induced drag does
+    not depend on how the bound vortices are staggered along the wind, and for those that are not it is lift turned by
+    half the far wash: with it the section forces add up to the drag of the Trefftz plane. The velocity at the bound
+    vortices themselves has no limit where these are swept or kinked.
+    """
+    along = control_fractions(strips.width)[:, None]
+    edge = strips.trailing_edge
+    points = (edge[:-1] + along * (edge[1:] - edge[:-1]))[rows]
+    core = core_fraction * _section_width(strips.width)
+    line = 0.5 * line_velocity(points, edge, wake_direction, core)
+    return line[:, :, 1:] - line[:, :, :-1]
 
 
 def folded(a, mirror):

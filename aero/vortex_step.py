@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from .circulation import Circulation, SectionFlow, attached_start, solve
-from .influence import CORE_FRACTION, bound_influence, control_influence, folded
+from .influence import CORE_FRACTION, control_influence, folded, wake_influence
 from .polars import StripPolars
 from .strips import Strips, strips_between, unit
 from .surface_loads import SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
@@ -42,9 +42,9 @@ class VortexStep:
     """A wing of strips with section polars, ready to be solved on any shape of its interface surface.
 
     `induction` False is strip theory: every section meets the free stream. `direction` chooses the flow that the
-    section lift is normal to: at the "bound" vortex, as in lifting-line theory (the exact induced drag where the
-    quarter-chord line is straight; 16 % low on a wing swept by 23 degrees), or at the "control" point, as Damiani et
-    al. (2019) and the Vortex-Step-Method code do, which adds drag. `circulation_speed` chooses the speed of
+    section lift is normal to: at the "bound" vortex, as in lifting-line theory, with half the wash of the far wake
+    (`wake_influence`: the induced drag of the Trefftz plane whatever sweep and arch), or at the "control" point, as
+    Damiani et al. (2019) and the Vortex-Step-Method code do, which adds drag. `circulation_speed` chooses the speed of
     gamma = lift / (rho speed): the "local" one (Kutta-Joukowski), or the "far" one of the same authors.
     `section_force` "lift-drag" reads the polars as cl and cd; "normal" reads cl as c_n of a thin plate that carries
     pressure only: no shear then. `follow` see `pressure_and_shear`.
@@ -117,7 +117,7 @@ class VortexStep:
             return (q_area * cl)[:, None] * part.normal, moment
         alpha = circulation.alpha
         if self.direction == "bound" and self.induction:
-            wash = bound_influence(part.centre, strips, wake, self.core_fraction)
+            wash = wake_influence(strips, wake, rows, self.core_fraction)
             if symmetric:
                 wash = folded(wash, self.mirror)
             v = flow.free_stream + (wash @ circulation.gamma).T

@@ -48,6 +48,16 @@ def semi_infinite_velocity(points, start, direction, core):
     return n * (factor / (4.0 * np.pi * np.sqrt(h2 * h2 + core**4)))
 
 
+def line_velocity(points, origin, direction, core):
+    """Velocity [1/m per unit circulation] at `points` (p,3) of infinite lines through `origin` (s,3): (3, p, s).
+
+    v = d x r / (2 pi h^2) with the unit `direction` d (3,) of all; core as in `segment_velocity`.
+    """
+    n = _cross(direction[:, None, None], _from(points, origin))
+    h2 = _dot(n, n)
+    return n / (2.0 * np.pi * np.sqrt(h2 * h2 + core**4))
+
+
 def infinite_velocity(points, origin, direction, core):
     """Velocity [1/m per unit circulation] of infinite lines, one a point, all (n,3): (3, n). v = d x r / (2 pi h^2)."""
     r = (points - origin).T

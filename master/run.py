@@ -41,13 +41,12 @@ def coupled_run(
 
     `options` go to `master.coupling.solve`.
     """
-    start = coupling.structural.get("displacement")
     result = solve(coupling, scheme, progress=progress, **options)
     judged = None
     status, message = result.status, result.message
     if status == "converged" and stability:
         begin = time.perf_counter()
-        judged = static_stability(coupling, result.displacement, start)
+        judged = static_stability(coupling, result.displacement)
         result.seconds["stability"] = time.perf_counter() - begin
         if judged.statically_stable is False:
             status = "statically_unstable"

@@ -10,6 +10,8 @@ from master.spectrum import Eigenvalue, rightmost_eigenvalue
 # Perturbation of the interface, m (2-norm over all nodes): small against any wrinkle of the map, and 1e4 times what the
 # structural tolerance leaves open.
 STEP = 1e-4
+# Part of the largest displacement below which one is rounding.
+ROUNDING = 1e-9
 # How close to 1 the eigenvalue of a neutral mode comes out: accuracy of the Arnoldi iteration.
 NEUTRAL = 2e-3
 
@@ -27,24 +29,20 @@ class Stability:
     message: str
 
 
-def static_stability(coupling: Coupling, x: np.ndarray, start: np.ndarray) -> Stability:
-    """Whether the equilibrium with interface displacement x (n,3) m is statically stable; `start` (n,3) is the
-    initial x.
+def static_stability(coupling: Coupling, x: np.ndarray) -> Stability:
+    """Whether the equilibrium with interface displacement x (n,3) m is statically stable.
 
     The coupled tangent is K - F' = K (I - G'). Where the structural tangent K is positive, it has a negative eigenvalue
     where G' has a real one above 1, and is singular (neutral) where one equals 1. Both participants return to their
-    states. While both solve mirrored halves, the search stays within symmetric motions: it starts from the
-    displacement that the solve found, entry by entry its square root, which keeps the symmetry and has a part in every
-    mode.
+    states. While both solve mirrored halves, the search stays within symmetric motions: it starts from x itself, entry
+    by entry its square root, which keeps the symmetry and has a part in every mode. (What a solve has moved would not
+    do: from a warm start that is rounding, which is lopsided.)
     """
     participants = (coupling.structural, coupling.aero)
     symmetric = all("symmetry_used" in p.blocks and bool(p.get("symmetry_used")) for p in participants)
     seed = None
-    if symmetric:
-        d = x - start
-        seed = np.sign(d) * np.sqrt(np.abs(d))
-        if not np.any(seed):
-            seed = None
+    if symmetric and np.any(x):
+        seed = np.where(np.abs(x) > ROUNDING * np.abs(x).max(), np.sign(x) * np.sqrt(np.abs(x)), 0.0)
     states = [p.save() for p in participants]
     evaluations = coupling.evaluations
     try:

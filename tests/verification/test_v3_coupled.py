@@ -130,6 +130,16 @@ def test_the_kite_is_stable_in_symmetric_motions_and_unstable_in_roll(line_drag,
     assert whole.stability.eigenvalue > 1.05
 
 
+def test_the_verdict_does_not_depend_on_where_the_solve_began():
+    coupling = in_process("v3_kite", wind_speed=12.0)
+    cold = coupled_run(coupling, SCHEMES["iqn-ils"]())
+    warm = coupled_run(coupling, SCHEMES["iqn-ils"]())  # from the equilibrium that the first has found
+    assert (cold.status, warm.status) == ("converged", "converged")
+    assert warm.stability is not None
+    assert cold.stability is not None
+    assert warm.stability.eigenvalue == pytest.approx(cold.stability.eigenvalue, abs=2e-3)  # of the Arnoldi iteration
+
+
 def test_without_gravity_roll_about_the_wind_is_neutral():
     run = coupled_run(in_process("v3_kite", wind_speed=12.0, symmetric=0.0, gravity=0.0), SCHEMES["iqn-ils"]())
     assert run.stability is not None
