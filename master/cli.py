@@ -75,12 +75,16 @@ def build(
     _finish(lambda: build_scene(scene, _assignments(set_), out))
 
 
-@app.command(short_help="List the built-in scenes and what each one needs.")
-def scenes() -> None:
-    """List the built-in scenes with their settings, parameters and interface sizes."""
+@app.command(short_help="List scenes and what each one needs.")
+def scenes(
+    scene: Annotated[
+        str | None, typer.Argument(help="Name or folder of one scene; all built-in ones without it.")
+    ] = None,
+) -> None:
+    """List settings, parameters and interface sizes of SCENE, or of all built-in scenes."""
     from master.commands import list_scenes
 
-    _finish(list_scenes)
+    _finish(lambda: list_scenes(scene))
 
 
 def _assignments(pairs: list[str] | None) -> dict[str, str]:

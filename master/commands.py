@@ -35,11 +35,14 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     _folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run
         (out / name).unlink(missing_ok=True)
+    for fmu in (out / "fmus").glob(f"{scene.name}_*.fmu"):
+        fmu.unlink()
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options["tie_tolerance"] = "solver_tolerance" not in given
     with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
         ready = time.perf_counter()
         run = coupled_run(coupling, _scheme(choices), choices["stability"], progress, **options)
+    run.remarks.extend(_hints(scene, given, run))
     settings = {
         "scene": scene.name,
         **choices,
@@ -68,6 +71,24 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 
 
+def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
+    """Where to look in the tables of a scene after a run that ended badly or without the symmetry it was to have."""
+    lost = "symmetry_used" in run.blocks["structural"] and not run.blocks["structural"]["symmetry_used"]
+    lost = lost and bool(run.blocks["structural"]["symmetric"])
+    if run.status == "converged" and not lost:
+        return []
+    core = scene.structural_core()
+    for parameter in core.variables:
+        if parameter.name in given:
+            core.set(parameter.name, given[parameter.name])
+    misfits, asymmetry = core.hints()
+    out = [f"not symmetric: {asymmetry}"] if lost and asymmetry else []
+    if misfits and run.status not in ("converged", "statically_unstable"):
+        more = f" and {len(misfits) - 6} more" if len(misfits) > 6 else ""
+        out.append(f"off their rest length in the design shape by more than 5 %: {', '.join(misfits[:6])}{more}")
+    return out
+
+
 def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
     """Build the two FMUs of a scene; the exit code."""
     from fmus.builder import build
@@ -93,13 +114,12 @@ def _folder(out: Path) -> None:
         raise ValueError(f"--out {out} cannot be made a folder ({reason}); name another one.") from None
 
 
-def list_scenes() -> int:
-    """Print the built-in scenes and what each one needs; the exit code."""
+def list_scenes(name: str | None = None) -> int:
+    """Print what a scene, or each built-in one, needs; the exit code."""
     import scenes
 
-    for name in scenes.available():
-        scene = scenes.load(name)
-        print(f"{name}: {scene.content['title']}")
+    for scene in [scenes.load(one) for one in ([name] if name else scenes.available())]:
+        print(f"{scene.name}: {scene.content['title']}")
         print(f"  {scene.content['description']}")
         print(f"  interface: {len(scene.interface.nodes)} nodes, {len(scene.interface.panels)} panels")
         for key, option in scene.content["settings"].items():

@@ -67,7 +67,14 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
             remarks.append(f"symmetry was asked for but turned off in the {label} solver: its input is not symmetric")
     beyond = int(blocks["aero"].get("strips_beyond_polar", 0))
     if beyond:
-        remarks.append(f"{beyond} strips are beyond their polar tables, where end values are held")
+        alpha = np.rad2deg(blocks["aero"]["alpha"])
+        remarks.append(
+            f"{beyond} strips are beyond their polar tables, where end values are held: their effective angles of "
+            f"attack go from {alpha.min():.1f} to {alpha.max():.1f} deg"
+        )
+    stalled = int(blocks["aero"].get("stalled_strips", 0))
+    if stalled:
+        remarks.append(f"{stalled} of {len(blocks['aero']['alpha'])} strips are stalled: past their largest lift")
     viscosity = float(blocks["aero"].get("stall_viscosity", 0.0))
     if viscosity:
         remarks.append(f"beyond stall: the circulation contains artificial viscosity ({viscosity:g})")

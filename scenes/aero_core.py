@@ -94,6 +94,8 @@ class AeroCore(Core):
         yield output("tip_span", unit="m", description="distance between the tips' quarter-chord points")
         text = "strips whose angle of attack lies beyond the polar table, where its end value is held"
         yield output("strips_beyond_polar", kind="integer", description=text)
+        text = "strips whose lift falls with the angle of attack"
+        yield output("stalled_strips", kind="integer", description=text)
         text = "artificial viscosity in the result, in units of (lost lift slope / 2 pi) (chord / width); 0 below stall"
         yield output("stall_viscosity", description=text)
         yield output("residual", description="norm of the circulation imbalance relative to U c / 2")
@@ -188,6 +190,8 @@ class AeroCore(Core):
         bound = loads.strips.bound
         self._put("tip_span", np.linalg.norm(bound[-1] - bound[0]))
         self._put("strips_beyond_polar", np.count_nonzero(circulation.outside))
+        falls = (self._wing.polars.lift(circulation.alpha)[1] < 0.0) & (circulation.alpha > 0.0)
+        self._put("stalled_strips", np.count_nonzero(falls))
         self._put("stall_viscosity", circulation.viscosity)
         self._put("residual", circulation.residual)
         self._put("newton_iterations", circulation.newton_iterations)

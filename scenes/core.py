@@ -27,9 +27,9 @@ class Core:
             start = self._values[v.name]
             low, high = -np.inf if v.minimum is None else v.minimum, np.inf if v.maximum is None else v.maximum
             if np.any(start < low) or np.any(start > high):
-                raise SceneError(
-                    f"{v.name} starts at {start:g}, which must lie between {low:g} and {high:g}; correct it."
-                )
+                unit = "" if v.unit == "1" else f" {v.unit}"
+                bounds = f"at least {low:g}{unit}" if high == np.inf else f"between {low:g} and {high:g}{unit}"
+                raise SceneError(f"{scene}: {v.name} starts at {start:g}{unit}, which must be {bounds}; correct it.")
             try:
                 self._check(v.name, start)
             except ValueError as error:

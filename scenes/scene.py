@@ -115,6 +115,10 @@ class Scene:
             if len(alpha) != len(grid) or np.max(np.abs(alpha - grid)) > 1e-9:
                 raise SceneError(f"{label}: polar '{key}' has other angles than the first one; use one list for all.")
             curves[key] = values[1:, rows]
+        if np.abs(grid).max() <= 3.2:
+            raise SceneError(
+                f"{label}: alpha_deg goes from {grid[0]:g} to {grid[-1]:g} only; write degrees, not radians."
+            )
         for row, key in enumerate(sections["polar"]):
             if key not in curves:
                 raise SceneError(f"{sections.at(row)}: polar '{key}' is not in {label}; add it or correct the name.")
@@ -180,6 +184,10 @@ def _struts(folder, content, members):
     if np.any(chord == 0.0):
         row = int(np.flatnonzero(chord == 0.0)[0])
         raise SceneError(f"{table.at(row)}: leading and trailing edge are one point; name two nodes apart.")
+    along = np.diff(members.nodes[struts], axis=1)[:, 0] @ np.array(content["aero"]["wind_direction"])
+    if np.any(along <= 0.0):
+        row = int(np.flatnonzero(along <= 0.0)[0])
+        raise SceneError(f"{table.at(row)}: the trailing edge lies upwind of the leading edge; swap the two nodes.")
     y = members.nodes[struts, 1].mean(axis=1)
     if np.any(np.diff(y) <= 0.0):
         row = int(np.flatnonzero(np.diff(y) <= 0.0)[0]) + 1

@@ -126,6 +126,13 @@ class StructuralCore(Core):
         """Names of the nodes in the order of the block `position`."""
         return self._members.labels
 
+    def hints(self):
+        """What looks odd with the present parameters: misfits of the design shape, and what breaks its symmetry."""
+        from .checks import asymmetry, misfits
+
+        chains, _ = self._present_chains()
+        return misfits(self._members.nodes, chains), asymmetry(self._members, chains)
+
     def _start_positions(self):
         nodes = self._members.nodes
         angle = self._scalar("trim_angle") if "trim_angle" in self._values else 0.0
@@ -193,9 +200,11 @@ class StructuralCore(Core):
         assembly = self._assembly(symmetric)
         result = equilibrium(assembly, chains, loads, self._x, atol=self._scalar("solver_tolerance"))
         if not result.converged:
+            moved = np.linalg.norm(result.x - self._x, axis=1)
             raise StepFailed(
                 f"static equilibrium not found in {result.iterations} Newton iterations ({result.status}): "
-                f"{result.residual:.3g} N out of balance, {self._scalar('solver_tolerance'):.3g} N asked for."
+                f"{result.residual:.3g} N out of balance, {self._scalar('solver_tolerance'):.3g} N asked for; node "
+                f"{self.node_names[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
             )
         self._x = result.x
         self._show(result, chains, loads, symmetric)

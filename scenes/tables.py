@@ -101,7 +101,10 @@ def read_table(path: Path, columns: dict[str, Callable[[str], Any]]) -> Table:
     header = [cell.strip() for cell in rows[0][1]]
     missing = [c for c in columns if c not in header]
     if missing:
-        raise SceneError(f"{label} row 1 has no column '{missing[0]}'; the header must name: {','.join(columns)}.")
+        hint = " (it has semicolons; separate by commas)" if any(";" in cell for cell in header) else ""
+        raise SceneError(
+            f"{label} row 1 has no column '{missing[0]}'{hint}; the header must name: {','.join(columns)}."
+        )
     if len(rows) == 1:
         raise SceneError(f"{label} has a header but no rows; add at least one.")
     values: dict[str, list[Any]] = {c: [] for c in columns}

@@ -49,13 +49,17 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
 
     low, high = (np.deg2rad(scene.content["trim"][key]) for key in ("lowest_deg", "highest_deg"))
     angles = np.linspace(low, high, max(2, int(np.ceil((high - low) / np.deg2rad(STEP_DEG))) + 1))
-    before = moment(angles[0])
+    before = first = moment(angles[0])
     for left, right in pairwise(angles):
         after = moment(right)
         if before > 0.0 >= after:
             return float(brentq(moment, left, right, xtol=1e-6))
         before = after
+    lift = float(core.get("CL")) * float(core.get("wind_speed")) ** 2
+    lift *= 0.5 * float(core.get("air_density")) * scene.content["aero"]["reference_area"]
     raise SceneError(
         f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees has zero pitching "
-        "moment about the pivot; raise wind_speed or lower the mass so that the wind can carry it, or widen [trim]."
+        f"moment about the pivot: air and weight pitch with {first:.4g} N m at the lowest and {before:.4g} N m at the "
+        f"highest, with {weight.sum():.4g} N of weight and {lift:.4g} N of lift there; check masses, diameters and "
+        "polars, or raise wind_speed so that the wind can carry the kite, or widen [trim]."
     )

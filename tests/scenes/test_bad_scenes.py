@@ -5,7 +5,6 @@ import shutil
 import pytest
 
 import scenes
-from master.coupling import Coupling
 from tests.scenes.broken import built, copy_of, edited
 
 TOML = "scene.toml"
@@ -294,39 +293,6 @@ def test_text_for_a_setting_of_another_kind_is_refused(kind, tmp_path):
     folder = copy_of("v3_kite", tmp_path)
     _appended(TOML, f"\n[settings.variant]\ndefault = {kind}\n")(folder)
     _refused(folder, {"variant": "abc"})
-
-
-def test_setting_that_nothing_reads_is_refused_with_those_that_have_a_meaning(tmp_path):
-    folder = copy_of("v3_kite", tmp_path)
-    edited(folder, TOML, "[settings.panels_per_section]", "[settings.panel_per_section]")
-    message = _refused(folder)
-    for word in (TOML, "panel_per_section", "panels_per_section", "line_drag"):
-        assert word in message
-
-
-def test_sections_from_right_to_left_are_refused(tmp_path):
-    folder = copy_of("v3_kite", tmp_path)
-    header, *rows = (folder / "sections.csv").read_text().splitlines()
-    (folder / "sections.csv").write_text("\n".join([header, *rows[::-1]]) + "\n")
-    assert "sections.csv" in _refused(folder)
-
-
-def test_lopsided_nodes_under_symmetry_are_solved_whole_and_said_to_be(tmp_path):
-    folder = copy_of("v3_kite", tmp_path)
-    edited(folder, "nodes.csv", "4.07190711", "4.07190712")
-    core = built(folder)[1]
-    assert (bool(core.get("symmetric")), bool(core.get("symmetry_used"))) == (True, True)  # 1e-8 m is no asymmetry
-    edited(folder, "nodes.csv", "4.07190712", "4.08")
-    core = built(folder)[1]
-    assert (bool(core.get("symmetric")), bool(core.get("symmetry_used"))) == (True, False)
-
-
-def test_misspelt_parameter_is_refused_by_trim_and_coupling():
-    scene = scenes.load("v3_kite")
-    with pytest.raises(scenes.SceneError, match="wind_sped"):
-        scene.trim_angle({"wind_sped": 9.0})
-    with pytest.raises(ValueError, match="wind_sped"):
-        Coupling.in_process(scene, {"wind_sped": 9.0})
 
 
 @pytest.mark.parametrize("name", ["no_such_scene", "", ".", "/", "\0", "x" * 5000, "v3_kite/scene.toml", "../scenes"])

@@ -1,0 +1,41 @@
+"""What looks odd in a structure that can be solved all the same: hints for runs that end badly."""
+
+import numpy as np
+
+from structural import canonical_chains, mirror_permutation, mirror_rows
+
+MISFIT = 0.05  # part of the rest length
+
+
+def misfits(nodes, chains):
+    """Elements whose nodes (n,3) m are further off their rest length than MISFIT of it, as texts."""
+    found = []
+    for group in chains:
+        length = np.linalg.norm(np.diff(nodes[group.nodes], axis=1), axis=2).sum(axis=1)
+        off = np.flatnonzero((group.l0 > 0.0) & (np.abs(length - group.l0) > MISFIT * group.l0))
+        found += [f"{group.names[e]} has {group.l0[e]:.3f} m for {length[e]:.3f} m" for e in off]
+    return found
+
+
+def asymmetry(members, chains):
+    """The first thing that keeps a structure from being its own mirror image in y = 0, as text; empty if nothing."""
+    nodes, labels = members.nodes, members.labels
+    image = mirror_permutation(nodes)
+    if image is None:
+        flipped = nodes * np.array([1.0, -1.0, 1.0])
+        gap = np.linalg.norm(nodes[:, None] - flipped[None], axis=2).min(axis=1)
+        worst = int(np.argmax(gap))
+        return f"node {labels[worst]} has no mirror image; the nearest is {gap[worst]:.2g} m off"
+    odd = np.flatnonzero(np.any(members.fixed != members.fixed[image], axis=1))
+    if len(odd):
+        return f"nodes {labels[odd[0]]} and {labels[image[odd[0]]]} are not held alike"
+    for group in chains:
+        rows = mirror_rows(group.nodes, image, canonical_chains)
+        if np.any(rows < 0):
+            return f"element {group.names[int(np.argmin(rows))]} has no mirror image"
+        for what, values in (("rest length", group.l0), ("stiffness", group.k), ("two-way", group.two_way)):
+            odd = np.flatnonzero(values != values[rows])
+            if len(odd):
+                e, i = odd[0], rows[odd[0]]
+                return f"{what} of {group.names[e]} is {values[e]:.12g}, of {group.names[i]} {values[i]:.12g}"
+    return ""
