@@ -115,7 +115,7 @@ class Assembly:
         inside = (r >= 0) & (c >= 0)
         key = np.where(inside, c * n + r, n * n)
         unique, where = np.unique(key, return_inverse=True)
-        if unique[-1] == n * n:
+        if len(unique) and unique[-1] == n * n:
             unique = unique[:-1]
         self._nnz = len(unique)
         self._indices = (unique % n).astype(np.int32)

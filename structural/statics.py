@@ -95,7 +95,7 @@ class _Solve:
         self.assembly, self.prepared = assembly, assembly.prepare(chains, loads)
         self.atol, self.rtol = atol, rtol
         self.max_iterations, self.step_limit = max_iterations, step_limit
-        self.softest = SOFTEST * max(float(c.k.max(initial=0.0)) for c in chains)
+        self.softest = SOFTEST * max((float(c.k.max(initial=0.0)) for c in chains), default=0.0)
         self.damping, self.rejected, self.status = 1.0, 0, "max_iterations"
         self.norms = []
         q = assembly.unknowns.restrict(x0)

@@ -21,7 +21,7 @@ def _pair(name, settings=None):
 def _exchange(structure, air):
     air.set("displacement", structure.get("displacement"))
     air.step(0.0, 0.0)
-    for block in ("pressure", "shear"):
+    for block in ("pressure", "shear", "line_load"):
         if block in {v.name for v in structure.variables}:
             structure.set(block, air.get(block))
     structure.step(0.0, 0.0)
@@ -220,7 +220,7 @@ def test_half_and_whole_structure_agree_on_the_loaded_kite():
     half = structure.get("position")
     whole = _pair("v3_kite")[0]
     whole.set("symmetric", 0.0)
-    for block in ("pressure", "shear"):
+    for block in ("pressure", "shear", "line_load"):
         whole.set(block, air.get(block))
     whole.step(0.0, 0.0)
     assert whole.get("symmetry_used") == 0.0
@@ -229,17 +229,22 @@ def test_half_and_whole_structure_agree_on_the_loaded_kite():
     assert whole.get("support_force") == pytest.approx(structure.get("support_force"), abs=1e-3)
 
 
+def _air_force(structure):
+    """The loads of the last exchange on the new shape: pressures follow it, shears and line loads keep directions."""
+    interface = scenes.load("v3_kite").interface
+    points = interface.nodes + structure.get("displacement")
+    c, ends = points[interface.panels], points[interface.lines]
+    area = 0.5 * np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1])
+    on_panels = structure.get("pressure") @ area + np.linalg.norm(area, axis=1) @ structure.get("shear")
+    return on_panels + np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) @ structure.get("line_load")
+
+
 def test_support_force_balances_air_and_weight():
     structure, air = _pair("v3_kite")
     _exchange(structure, air)
     air.set("displacement", structure.get("displacement"))
-    # the loads of the last exchange act on the new shape: pressures follow it, shears keep their direction
     mass = scenes.load("v3_kite").members.mass.sum()
-    points = scenes.load("v3_kite").interface.nodes + structure.get("displacement")
-    panels = scenes.load("v3_kite").interface.panels
-    c = points[panels]
-    area = 0.5 * np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1])
-    force = structure.get("pressure") @ area + np.linalg.norm(area, axis=1) @ structure.get("shear")
+    force = _air_force(structure)
     assert structure.get("support_force") == pytest.approx(force - [0, 0, 9.81 * mass], abs=1e-9)  # rounding of 1e3 N
 
 
@@ -249,11 +254,7 @@ def test_heavier_wing_weighs_what_was_asked_for():
         structure, air = _pair("v3_kite")
         structure.set("wing_mass", mass)
         _exchange(structure, air)
-        points = scenes.load("v3_kite").interface.nodes + structure.get("displacement")
-        c = points[scenes.load("v3_kite").interface.panels]
-        area = 0.5 * np.cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1])
-        lift = structure.get("pressure") @ area + np.linalg.norm(area, axis=1) @ structure.get("shear")
-        weights.append(lift[2] - structure.get("support_force")[2])
+        weights.append(_air_force(structure)[2] - structure.get("support_force")[2])
     assert weights[1] - weights[0] == pytest.approx(98.1, abs=1e-9)  # rounding of 1e3 N
 
 

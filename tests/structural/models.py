@@ -14,7 +14,7 @@ STEP = 1e-6
 # Moving one unknown by h moves at most both ends of a leg and both neighbours of a sheave: a rope changes by less than
 # this many steps, so a state whose stretches all lie further from zero meets no slack kink between its samples.
 KINK = 8.0 * STEP
-TANGENT_TOLERANCE = 1e-6  # asked for by the issue; relative to the largest entry of the tangent
+TANGENT_TOLERANCE = 1e-6  # ten times what the differences above leave; relative to the largest entry of the tangent
 
 
 def central_difference(f, x, h=STEP):

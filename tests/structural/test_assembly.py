@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 import scenes
 from structural import Assembly, Loads, Structure, equilibrium, line_load_forces, mirror_permutation, surface_forces
@@ -183,15 +184,56 @@ def test_surface_loads_reach_the_nodes_with_their_force_moment_and_virtual_work(
         assert np.cross(x, on_nodes).sum(axis=0) == pytest.approx(moment, abs=1e-14 * size)
 
 
-def test_energy_gradient_is_the_internal_force():
-    rng = np.random.default_rng(6)
+@pytest.mark.parametrize("seed", range(5))
+def test_energy_gradient_is_the_internal_force(seed):
+    rng = np.random.default_rng(seed)
     s, loads, _ = random_mirrored(rng)
     assembly = Assembly(s)
     unloaded = Loads(0.0 * loads.pressure, None, loads.dead)
     r, _ = residual_of(assembly, s.chains, unloaded)
     q = next(_states(rng, assembly, s.chains, 0.2, 1))
     gradient = central_difference(lambda y: assembly.energy(assembly.unknowns.expand(y), s.chains), q)
-    assert gradient[0] == pytest.approx(r(q), abs=1e-6)  # energies of 1e3 J: eps E / h is 2e-7 N
+    # energies of 1e3 to 1e4 J, rounded in every term of the sum: some eps E / h, h = 1e-6 m
+    energy = assembly.energy(assembly.unknowns.expand(q), s.chains)
+    assert gradient[0] == pytest.approx(r(q), abs=20.0 * np.finfo(float).eps * energy / 1e-6)
+
+
+@pytest.mark.parametrize("symmetric", [False, True], ids=["full", "half"])
+def test_unknowns_are_numbered_so_that_factors_fill_in_little(symmetric):
+    # A net of 15 x 15 nodes row by row: a band of 2 x 15 nodes fills in, about 45 x 45 x 15 x 15; elimination in an
+    # order of minimum degree leaves about a third.
+    g = 15
+    y, x = (a.ravel() for a in np.meshgrid(np.linspace(-1.0, 1.0, g), np.linspace(0.0, 1.0, g), indexing="ij"))
+    nodes = np.column_stack([x, y, 0.1 * np.cos(y)])
+    place = np.arange(g * g).reshape(g, g)
+    ends = [(place[:-1], place[1:]), (place[:, :-1], place[:, 1:]), (place[:-1, :-1], place[1:, 1:])]
+    ends.append((place[:-1, 1:], place[1:, :-1]))
+    links = np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in ends])
+    s = structure(nodes, x == 0.0, [chains(links, 0.0, 100.0, True)])
+    assembly = Assembly(s, mirror_permutation(nodes) if symmetric else None)
+    q = assembly.unknowns.restrict(nodes)
+    _, k, _ = assembly.residual_and_tangent(q, assembly.prepare(s.chains, dead(0.0 * nodes)))
+    fill = spla.splu(k, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).L.nnz
+    best = spla.splu(k, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).L.nnz
+    rng = np.random.default_rng(0)
+    shuffled = rng.permutation(len(q))
+    worst = spla.splu(
+        sp.csc_array(k[shuffled][:, shuffled]),
+        permc_spec="NATURAL",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    ).L.nnz
+    assert fill <= 1.2 * best  # SuperLU's own minimum degree, on dofs instead of nodes
+    assert fill < 0.5 * worst
+
+
+def test_structure_without_elements_is_assembled_and_solved():
+    nodes = np.array([[0.0, 0, 0], [1.0, 0, 0]])
+    for fixed in ([True, True], [True, False]):
+        s = structure(nodes, fixed, [])
+        result = equilibrium(Assembly(s), s.chains, dead(0.0 * nodes), nodes)
+        assert result.converged
+        assert np.array_equal(result.x, nodes)
 
 
 def test_structure_without_free_nodes_is_in_equilibrium_at_once():
