@@ -15,6 +15,7 @@ import shutil
 from pathlib import Path
 
 from .registry import Case, matches, registered
+from .text import PYTHON, command
 
 ROOT = Path(__file__).resolve().parents[1]
 MARKER = re.compile(r"(<!-- generated: python -m benchmarks docs (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -52,6 +53,11 @@ def write(results: Path, names=(), root=ROOT):
 
     Nothing is written unless every fragment is there.
     """
+    for name in names:
+        if not any(matches(part, name) for part in known_fragments()):
+            raise ValueError(
+                f"there is no case, table or part of a page {name}; `{PYTHON} -m benchmarks list` shows them."
+            )
     new = {}
     for page in pages(root):
         text = page.read_text(encoding="utf-8")
@@ -97,22 +103,22 @@ def _figure(case, results, root, figures):
     _read(source, case.name)
     (root / "docs" / "figures").mkdir(parents=True, exist_ok=True)
     shutil.copyfile(source, root / "docs" / "figures" / source.name)
-    return f"![{case.title}]({figures}/{source.name})\n\nFigure: {case.title}; `python -m benchmarks run {case.name}`."
+    return f"![{case.title}]({figures}/{source.name})\n\nFigure: {case.title}; {command(case.name)}."
 
 
 def _read(path, name):
     if not path.is_file():
-        raise MissingResult(f"{path} is missing; `python -m benchmarks run {name}` makes it.")
+        raise MissingResult(f"{path} is missing; {command(name)} makes it.")
     return path.read_text(encoding="utf-8")
 
 
 def _machine(results):
     found = json.loads(_read(results / "machine.json", ""))
     if found["quick"]:
-        raise MissingResult(f"{results} is from a quick run; `python -m benchmarks run` makes what the pages show.")
+        raise MissingResult(f"{results} is from a quick run; `{PYTHON} -m benchmarks run` makes what the pages show.")
     threads = ", ".join(f"{name}={value}" for name, value in found["threads"].items())
     versions = ", ".join(f"{name} {found[name]}" for name in ("python", "numpy", "scipy", "fmpy", "pythonfmu"))
     return (
         f"Machine of these figures: {found['processor']}, {found['cores']} cores, {found['system']}; {versions}; "
-        f"{threads}. `python -m benchmarks run`"
+        f"{threads}. `{PYTHON} -m benchmarks run`"
     )

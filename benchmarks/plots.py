@@ -1,10 +1,11 @@
 """Work-precision diagrams and small multiples of a case's rows, legible in grey; matplotlib loads in here only."""
 
 import math
+from itertools import pairwise
 
 from .harness import exponents
-from .registry import Case, Curve
-from .text import error_label
+from .registry import Branches, Case, Curve
+from .text import PYTHON, error_label
 
 # Markers, dashes and greys tell lines apart without colour; the colours are those of Okabe and Ito.
 STYLES = (
@@ -33,12 +34,14 @@ def draw(case: Case, rows, path):
     import matplotlib
     from matplotlib.figure import Figure
 
-    look = {"svg.hashsalt": case.name, "svg.fonttype": "none", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
-    with matplotlib.rc_context(look):
+    look = {"svg.hashsalt": case.name, "svg.fonttype": "path", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(look)
         figure = Figure(layout="constrained")
         (_curve if isinstance(case.plot, Curve) else _multiples)(figure, case, rows)
         figure.suptitle(case.title, fontsize=10)
-        figure.supxlabel(f"python -m benchmarks run {case.name}", fontsize=6.5, color="0.35", family="monospace")
+        figure.supxlabel(f"{PYTHON} -m benchmarks run {case.name}", fontsize=6.5, color="0.35")
         figure.savefig(path, format=path.suffix[1:], metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
@@ -62,6 +65,8 @@ def _curve(figure, case, rows):
         for r, *place in zip(good, *at, strict=True) if k == 0 and marked else ():
             how = {"xytext": (4, 5), "textcoords": "offset points", "fontsize": 7, "color": "0.25"}
             axes.annotate(f"{r['value']:g}", place, **how)
+    if marked:
+        axes.margins(x=0.1, y=0.08)  # room for the numbers beside the outermost points
     axes.set_xscale(case.plot.scales[0])
     axes.set_yscale(case.plot.scales[1])
     for axis, log in zip((axes.xaxis, axes.yaxis), logarithmic, strict=True):
@@ -86,7 +91,24 @@ def _ticks(axis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
+def _other(plot, row):
+    """Whether a row lies on the branch whose markers are filled."""
+    return isinstance(plot, Branches) and row[plot.by] < plot.least
+
+
+def _broken(plot, rows, y):
+    """Places of the points of a line; nan where none converged, and between branches."""
+    at = [[r[plot.x], r[y] if r["status"] == "converged" else math.nan] for r in rows]
+    if isinstance(plot, Branches):
+        jumps = [k for k, (a, b) in enumerate(pairwise(rows), 1) if abs(b[plot.by] - a[plot.by]) > plot.jump]
+        for k in reversed(jumps):
+            at.insert(k, [math.nan, math.nan])
+    return [x for x, _ in at], [value for _, value in at]
+
+
 def _multiples(figure, case, rows):
+    from matplotlib.lines import Line2D
+
     plot = case.plot
     across = sorted({r[plot.across] for r in rows})
     lines = sorted({r[plot.lines] for r in rows})
@@ -97,13 +119,17 @@ def _multiples(figure, case, rows):
             axes = grid[i][j]
             for k, line in enumerate(lines):
                 own = [r for r in rows if r[plot.across] == value and r[plot.lines] == line]
-                good = [r[y] if r["status"] == "converged" else math.nan for r in own]
-                style = {**STYLES[k % len(STYLES)], "markersize": 3.5, "linewidth": 1.0, "markerfacecolor": "white"}
-                axes.plot([r[plot.x] for r in own], good, label=f"{line:g}", **style)
+                style = {**STYLES[k % len(STYLES)], "markersize": 3.5, "linewidth": 1.0}
+                axes.plot(*_broken(plot, own, y), label=f"{line:g}", **style, markerfacecolor="white")
+                low = [r for r in own if r["status"] == "converged" and _other(plot, r)]
+                axes.plot([r[plot.x] for r in low], [r[y] for r in low], **style | {"linestyle": ""})
             if j == 0:
                 axes.set_ylabel(label(case, y))
         name, _, unit = label(case, plot.across).partition(", ")
         grid[0][j].set_title(f"{name} {value:g} {unit}", fontsize=9)
         grid[-1][j].set_xlabel(label(case, plot.x))
     handles, names = grid[0][0].get_legend_handles_labels()
+    if isinstance(plot, Branches):
+        handles += (Line2D([], [], color=STYLES[0]["color"], marker="o", markersize=3.5, linestyle=""),)
+        names += (plot.filled,)
     figure.legend(handles, names, title=label(case, plot.lines), loc="outside right upper", fontsize=7.5)

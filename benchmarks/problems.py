@@ -35,10 +35,7 @@ def frozen(settings):
 @functools.lru_cache(maxsize=256)
 def _loaded(name, settings, parameters):
     scene = scenes.load(name, dict(settings))
-    given = dict(parameters)
-    if scene.content["trim"] is not None:
-        given["trim_angle"] = scene.trim_angle({k: np.array(v) for k, v in given.items()})
-    return scene, given
+    return scene, scene.with_trim({k: np.array(v) for k, v in parameters})
 
 
 def loaded(name, settings=None, **parameters):

@@ -50,6 +50,20 @@ class Multiples:
 
 
 @dataclass(frozen=True)
+class Branches(Multiples):
+    """Small multiples of solutions on several branches, told apart by the column `by`.
+
+    A line is broken where `by` changes by more than `jump` between neighbours; where it is below `least`, the marker is
+    filled, and `filled` says in the legend what that means.
+    """
+
+    by: str
+    jump: float
+    least: float
+    filled: str
+
+
+@dataclass(frozen=True)
 class Fit:
     """Exponent p of y ~ x^p per series, by least squares in logarithms over points with x >= `least`, y > `floor`.
 
@@ -142,7 +156,7 @@ def chosen(names):
     entries = registered()
     for name in names or ():
         if not any(matches(key, name) for key in entries):
-            raise ValueError(f"there is no case or table {name}; `python -m benchmarks list` shows them.")
+            raise ValueError(f"there is no case or table {name}; `.venv/bin/python -m benchmarks list` shows them.")
     return [e for key, e in entries.items() if not names or any(matches(key, name) for name in names)]
 
 

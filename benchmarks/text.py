@@ -6,6 +6,7 @@ from .harness import COLUMNS, columns_of, exponents
 from .registry import Case, Multiples
 
 LONG = 60  # rows; a longer table is folded away
+PYTHON = ".venv/bin/python"  # as commands on the pages are to be typed
 
 
 def table(names, rows):
@@ -28,7 +29,7 @@ def lines(rows, *sentences):
 
 def command(name):
     """How to make an entry, as a line of markdown."""
-    return f"`python -m benchmarks run {name}`"
+    return f"`{PYTHON} -m benchmarks run {name}`"
 
 
 def error_label(case: Case):

@@ -12,7 +12,7 @@ from .text import lines, table
 
 SPEEDS = (8.0, 12.0, 20.0)  # m/s
 NAMES = (
-    "wind, m/s", "status", "coupling iterations", "out-of-balance force, N", "α, °", "C_L", "C_D", "glide",
+    "wind, m/s", "status", "coupling iterations", "out-of-balance force, N", "α, °", "C_L", "C_D", "glide, with lines",
     "tip span, m", "pull, N", "solve, ms",
 )  # fmt: skip
 

@@ -9,7 +9,7 @@ from master.coupling import SCHEMES, solve
 from scenes import SceneError
 
 from .problems import in_process
-from .registry import Case, Multiples, Outcome
+from .registry import Branches, Case, Outcome
 
 TAPES = (2.9, 3.0, 3.129, 3.2, 3.3)  # m
 GRAVITY = (0.0, 4.905, 9.81)  # m/s^2
@@ -18,6 +18,7 @@ ITERATIONS = 80
 # What a point may end with and be believed: no trim angle means that the wind cannot carry the weight.
 STATUSES = ("converged", "stalled", "diverged", "max_iterations", "no trim")
 ANSWERS = ("alpha_deg", "tip_span_m", "glide")
+JUMP, FOLDED = 0.5, 7.0  # m of tip span: between neighbours on one branch less, with folded tips below
 
 
 def coupled(series, wind):
@@ -88,11 +89,16 @@ ENTRIES = (
         statuses=STATUSES,
         repeats=1,
         memory=False,  # the same model at every point
-        plot=Multiples("value", ANSWERS, across="gravity", lines="power_tape_m"),
+        plot=Branches(
+            "value", ANSWERS, across="gravity", lines="power_tape_m",
+            by="tip_span_m", jump=JUMP, least=FOLDED, filled=f"folded tips\n(span < {FOLDED:g} m)",
+        ),
         labels={
             "power_tape_m": "power tape, m", "gravity": "gravity, m/s²", "coupling_iterations": "coupling iterations",
-            "alpha_deg": "α, °", "tip_span_m": "tip span, m", "glide": "glide",
+            "alpha_deg": "α, °", "tip_span_m": "tip span, m", "glide": "glide, with lines",
         },
-        note="Glide is lift over drag of wing and lines; gaps in the diagram are points that did not converge.",
+        note="Glide is lift over drag of wing and lines. In the diagram, filled markers are wings with folded tips, "
+        f"which is a tip span below {FOLDED:g} m; lines are broken where the tip span jumps by more than {JUMP:g} m, "
+        "and at points that did not converge.",
     ),
 )  # fmt: skip

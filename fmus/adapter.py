@@ -61,7 +61,7 @@ class CoreFmu(Fmi2Slave):
 
     title = "Solver"
     at_start: tuple[str, ...] = ("parameter",)  # causalities of what the outputs depend on while initialising
-    default_experiment = DefaultExperiment(start_time=0.0, stop_time=20.0, step_size=1.0)
+    default_experiment = DefaultExperiment(start_time=0.0, stop_time=60.0, step_size=1.0)
     log_categories = {  # noqa: RUF012 (as PythonFMU has it)
         "logStatusError": "A value or a state that was refused; the next step is discarded.",
         "logStatusDiscard": "Why a step was discarded.",

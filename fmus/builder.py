@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import html
 import importlib.util
 import io
 import json
@@ -22,6 +21,7 @@ import pythonfmu
 from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.description import PROJECT
+from fmus.documentation import page
 from fmus.sharing import PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
@@ -30,33 +30,12 @@ NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder besi
 BINARIES = Path("resources", "binaries")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 
-PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head><body>
-<h1>{title}</h1>
-<p>FMI 2.0 co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A step that the solver
-cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other inputs or restore a
-state, then step on. The complete state can be saved, restored and serialised. A quasi-static result does not depend on
-the size of a step.</p>
-<h2>Variables</h2>
-<table border="1"><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
-{rows}
-</table>
-<h2>External dependencies</h2>
-<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs nothing else if these
-are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared library (for example
-/usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages with numpy and
-scipy.</p>
-<h2>Licences</h2>
-<p>The licences of the solvers and of PythonFMU are in documentation/licenses; those of the scene's data, where it has
-any, are beside the data in resources/scene.</p>
-</body></html>
-"""
-
 
 def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, Path]:
     """Paths of `<scene>_structural.fmu` and `<scene>_aero.fmu`, written to `out_dir` (made when missing).
 
-    `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU.
+    `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU. A kite
+    that is free to pitch starts from its trim angle unless they give one.
     ValueError in one sentence for a parameter that neither has, or for a value that a core refuses.
     """
     given = dict(parameters or {})
@@ -66,6 +45,7 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
     if unknown := sorted(given.keys() - set().union(*names.values())):
         known = ", ".join(sorted(set().union(*names.values()))) or "none"
         raise ValueError(f"Scene {scene.name} has no parameter {unknown[0]!r}; its parameters are {known}.")
+    given = scene.with_trim(given)
     contents = {}
     for side, slave in sides:
         own = {name: _numbers(name, value) for name, value in given.items() if name in names[side]}
@@ -96,13 +76,14 @@ def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, paramet
     resources[SCENE_FILE] = text.encode()
     instance = slave(core, instance_name=name)
     instance.description = f"{slave.title} of the scene {scene.name}"
-    return archive(name, instance, resources)
+    return archive(name, instance, resources, scene)
 
 
-def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes]) -> bytes:
+def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes], scene: Scene | None = None) -> bytes:
     """A complete FMU that makes instances of the class of `instance`, whose start values go into its description.
 
-    `resources` (path -> content) are added to the project's packages and to PythonFMU.
+    `resources` (path -> content) are added to the project's packages and to PythonFMU. The documentation tells what
+    indices count in the `scene`.
     """
     identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
     identifier = f"_{identifier}" if identifier[:1].isdigit() else identifier
@@ -116,7 +97,7 @@ def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes]) -> byt
     files["resources/slavemodule.txt"] = script.stem.encode()
     for binary in (_pythonfmu() / BINARIES).glob("*/*"):
         files[f"binaries/{binary.parent.name}/{identifier}{binary.suffix}"] = binary.read_bytes()
-    files["documentation/index.html"] = _page(instance).encode()
+    files["documentation/index.html"] = page(instance, scene).encode()
     files |= {f"documentation/licenses/{name}": text for name, text in _licences().items()}
     instance.modelName, instance.guid = identifier, ""
     digest = hashlib.sha256(_description(instance))
@@ -164,16 +145,6 @@ def _description(instance: CoreFmu) -> bytes:
     ElementTree.indent(root)
     text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
     return text
-
-
-def _page(instance: CoreFmu) -> str:
-    rows = (
-        (v.name, " × ".join(map(str, v.shape)) or "scalar", v.causality, v.unit, v.description)
-        for v, _ in instance.blocks.values()
-    )
-    cells = ("".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in rows)
-    title = html.escape(instance.description or instance.title)
-    return PAGE.format(title=title, rows="\n".join(f"<tr>{row}</tr>" for row in cells))
 
 
 def _zipped(files: Mapping[str, bytes]) -> bytes:

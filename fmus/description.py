@@ -65,6 +65,14 @@ def scalar_names(variable: Variable) -> list[str]:
     return [f"{variable.name}[{','.join(map(str, place))}]" for place in places]
 
 
+def scalar_descriptions(variable: Variable) -> list[str]:
+    """What each scalar of a block is: "tension of amain_right", "position of node 33, x" where the block has labels."""
+    if not variable.labels:
+        return [variable.description] * variable.size
+    axes = [f", {axis}" for axis in "xyz"] if variable.shape[1:] == (3,) else [""]
+    return [f"{variable.description} of {label}{axis}" for label in variable.labels for axis in axes]
+
+
 def add_variables(
     root: Element, variables: Sequence[Variable], start: Mapping[str, list[float]], at_start: Sequence[str]
 ) -> None:
@@ -112,8 +120,7 @@ def _add_scalars(variables: Element, variable: Variable, first: int, start: list
         variability = "tunable"
     elif variable.kind != "real" and variability == "continuous":
         variability = "discrete"
-    attributes = {"description": variable.description} if variable.description else {}
-    attributes |= {"causality": variable.causality, "variability": variability}
+    attributes: dict[str, str] = {"causality": variable.causality, "variability": variability}
     if variable.causality != "input":
         attributes["initial"] = "exact" if variable.causality == "parameter" else "calculated"
     text: Callable[[float], str] = {"real": repr, "integer": lambda x: str(round(x))}.get(
@@ -125,8 +132,10 @@ def _add_scalars(variables: Element, variable: Variable, first: int, start: list
     if variable.kind != "boolean":
         bounds = {"min": variable.minimum, "max": variable.maximum}
         limits |= {name: text(float(bound)) for name, bound in bounds.items() if bound is not None}
-    for offset, (name, value) in enumerate(zip(scalar_names(variable), start, strict=True)):
+    names, texts = scalar_names(variable), scalar_descriptions(variable)
+    for offset, (name, description, value) in enumerate(zip(names, texts, start, strict=True)):
         identity = {"name": name, "valueReference": str(first + offset)}
+        identity |= {"description": description} if description else {}
         scalar = SubElement(variables, "ScalarVariable", identity | attributes)
         given = {"start": text(value)} if variable.causality != "output" else {}
         SubElement(scalar, variable.kind.capitalize(), limits | given)

@@ -35,7 +35,7 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     _folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run
         (out / name).unlink(missing_ok=True)
-    for fmu in (out / "fmus").glob(f"{scene.name}_*.fmu"):
+    for fmu in [p for side in ("structural", "aero") for p in (out / "fmus").glob(f"*_{side}.fmu")]:
         fmu.unlink()
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options["tie_tolerance"] = "solver_tolerance" not in given
@@ -184,9 +184,7 @@ def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]
         for core, _ in owners:
             core.set(key, value)
         parameters[key] = value
-    if scene.content["trim"] is not None and "trim_angle" not in parameters:
-        parameters["trim_angle"] = scene.trim_angle(parameters)
-    return scene, parameters
+    return scene, scene.with_trim(parameters)
 
 
 def _number(key: str, text: str, variable: Any) -> Any:

@@ -89,15 +89,18 @@ class Coupling:
 
     @classmethod
     def in_process(cls, scene: Any, parameters: Mapping[str, Any] | None = None) -> "Coupling":
-        """The two solver cores of a scene (see `scenes.load`), each with those of the `parameters` that it has.
+        """The two solver cores of a scene (see `scenes.load`), each with those of the `parameters` that it has; a
+        kite that is free to pitch starts from its trim angle unless they give one.
 
         ValueError in one sentence for a parameter that neither has.
         """
-        given = parameters or {}
+        given = dict(parameters or {})
         structural, aero = scene.structural_core(), scene.aero_core()
         known = {v.name for core in (structural, aero) for v in core.variables if v.causality == "parameter"}
         if unknown := sorted(given.keys() - known):
             raise ValueError(f"scene {scene.name} has no parameter {unknown[0]!r}; it has: {', '.join(sorted(known))}.")
+
+        given = scene.with_trim(given)
 
         def participant(core: Any) -> InProcessParticipant:
             return InProcessParticipant(core, {v.name: given[v.name] for v in core.variables if v.name in given})

@@ -143,6 +143,13 @@ class Scene:
 
         return trim_angle(self, parameters or {})
 
+    def with_trim(self, parameters: dict[str, Any] | None = None) -> dict[str, Any]:
+        """The parameters, and the trim angle that belongs to them where the scene has one and none is given."""
+        given = dict(parameters or {})
+        if self.content["trim"] is not None and "trim_angle" not in given:
+            given["trim_angle"] = self.trim_angle(given)
+        return given
+
 
 def load(scene: str | Path, settings: dict[str, Any] | None = None) -> Scene:
     """The scene with this name or in this folder; raises `SceneError` with one sentence where anything is wrong."""

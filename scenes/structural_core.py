@@ -102,8 +102,9 @@ class StructuralCore(Core):
         output = partial(Variable, causality="output")
         text = "interface displacement from the reference configuration"
         yield output("displacement", (points, 3), unit="m", description=text)
-        yield output("position", m.nodes.shape, unit="m", start=m.nodes, description="positions of all nodes")
-        yield output("tension", (len(m.names),), unit="N", description="tension of each element")
+        labels = tuple(f"node {label}" for label in m.labels)
+        yield output("position", m.nodes.shape, unit="m", start=m.nodes, description="position", labels=labels)
+        yield output("tension", (len(m.names),), unit="N", description="tension", labels=m.names)
         text = "force of the structure on its supports"
         yield output("support_force", (3,), unit="N", description=text)
         yield output("slack_lines", kind="integer", description="tension-only elements without tension")

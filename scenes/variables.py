@@ -15,6 +15,7 @@ class Variable:
     """A named block of values of one solver core, as it appears in an FMU and in-process.
 
     `shape` is () for a scalar. `start` has that shape or is a scalar that fills it. Units are SI ("1" for none).
+    `labels`, where given, name what the first index counts, one each.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Variable:
     start: float | np.ndarray = 0.0
     minimum: float | None = None
     maximum: float | None = None
+    labels: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:

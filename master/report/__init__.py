@@ -33,11 +33,16 @@ __all__ = [
 
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
 TABLES = ("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv")
+ANGLE = (
+    "Effective angle: chord to the local flow with induced velocity, hence smaller than the angle to the free stream "
+    "(in strip theory, without induced velocity, equal)"
+)
 CAPTIONS = {
     "shape": "Flown shape with line tensions, three views to one scale",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
-    "strips": "Loads, effective angle of attack and circulation along the span",
-    "polars": "Operating points of the strips on their section polars",
+    "strips": f"Loads, effective angle of attack and circulation along the span. {ANGLE}",
+    "polars": "Operating points of the strips on their section polars, coloured by distance from mid-span; left and "
+    f"right half of a diamond coincide where the kite is symmetric. {ANGLE}",
 }
 MESHES = ("wing.vtu", "structure.vtu", "lines.vtu")
 PAGE = "report.html"

@@ -37,6 +37,7 @@ STYLE: dict[Any, Any] = {
     "lines.markersize": 4.0,
     "legend.frameon": False,
     "hatch.linewidth": 0.5,
+    "text.parse_math": False,  # names and titles are of the scene: a dollar sign is one
     "svg.hashsalt": "kitecosim",  # the same names of clip paths and markers in every file
     "svg.fonttype": "path",
 }
@@ -78,6 +79,29 @@ def new_figure(height: float, title: str) -> "Figure":
     return figure
 
 
+def wrapped(text: str, width: float) -> str:
+    """The text in lines of at most `width` in at the size of legends; a word that is longer goes on in a new line."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    font = FontProperties(size=STYLE["legend.fontsize"])
+
+    def fits(line: str) -> bool:
+        return bool(TextPath((0.0, 0.0), line, prop=font).get_extents().x1 <= 72.0 * width)
+
+    lines = [""]
+    for word in text.split():
+        joined = f"{lines[-1]} {word}".lstrip()
+        if fits(joined):
+            lines[-1] = joined
+            continue
+        lines += [""] if lines[-1] else []
+        for letter in word:
+            lines += [] if fits(lines[-1] + letter) else [""]
+            lines[-1] += letter
+    return "\n".join(lines)
+
+
 def axes_at(figure: "Figure", left: float, bottom: float, width: float, height: float, **options: Any) -> "Axes":
     """New axes at a place given in inches."""
     w, h = figure.get_size_inches()
@@ -86,7 +110,7 @@ def axes_at(figure: "Figure", left: float, bottom: float, width: float, height: 
 
 def stacked(title: str, heights: Sequence[float], labels: Sequence[str], x_label: str) -> tuple["Figure", list["Axes"]]:
     """A figure of panels (heights in inches, top first) over one x axis, with room for legends on their right."""
-    top, gap, bottom, left = 0.4, 0.2, 0.5, 0.85
+    top, gap, bottom, left = 0.4, 0.2, 0.5, 0.92
     total = top + sum(heights) + gap * (len(heights) - 1) + bottom
     figure = new_figure(total, title)
     panels: list[Axes] = []
@@ -151,13 +175,15 @@ def _room(panel: "Axes", values: np.ndarray | None) -> None:
 
 
 def polar_figure(strips: Strips, title: str) -> "Figure":
-    """Section lift and drag coefficients over the angle of attack: the polars, and where the strips stand on them.
+    """Section lift and drag coefficients over the angle of attack: the polars, and where the strips stand on them, both
+    in the colour of the strip's distance from mid-span.
 
     The strips of the left wing are left halves of a diamond, those of the right wing right halves.
     """
+    from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
-    from matplotlib.colors import Normalize
+    from matplotlib.colors import ListedColormap, Normalize
     from matplotlib.lines import Line2D
 
     if strips.coefficients is None or strips.curves is None or strips.angles is None:
@@ -165,13 +191,18 @@ def polar_figure(strips: Strips, title: str) -> "Figure":
     height = 3.6
     with style():
         figure = new_figure(height, title)
-        colours = ScalarMappable(Normalize(0.0, float(np.abs(strips.arc).max()) or 1.0), "viridis")
+        cut = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)))  # the palest would vanish on paper
+        colours = ScalarMappable(Normalize(0.0, float(np.abs(strips.arc).max()) or 1.0), cut)
+        lines: dict[str, Any] = {
+            "colors": colours.to_rgba(np.abs(strips.arc)),
+            "linewidths": 0.9 if len(strips.arc) <= 12 else 0.5,
+        }
         near = 1e-6 * max(strips.width.sum(), 1e-12)  # a strip in the middle belongs to both wings
         wings = {"left": (strips.arc < near, _half_diamond(-1)), "right": (strips.arc > -near, _half_diamond(1))}
         for i, label in enumerate(("section lift coefficient cl, \u2013", "section drag coefficient cd, \u2013")):
-            panel = axes_at(figure, 0.62 + 3.02 * i, 0.85, 2.28, height - 1.25)
+            panel = axes_at(figure, 0.8 + 3.0 * i, 0.85, 2.2, height - 1.25)
             points = [np.column_stack([strips.angles, curve]) for curve in strips.curves[i]]
-            panel.add_collection(LineCollection(points, colors="0.6", linewidths=0.7 if len(strips.arc) <= 12 else 0.4))
+            panel.add_collection(LineCollection(points, **lines))
             for wing, mark in wings.values():
                 panel.scatter(
                     strips.alpha[wing], strips.coefficients[i, wing], 30.0, colours.to_rgba(np.abs(strips.arc[wing])),
@@ -180,14 +211,15 @@ def polar_figure(strips: Strips, title: str) -> "Figure":
             panel.autoscale_view()
             panel.set_xlabel("effective angle of attack, deg")
             panel.set_ylabel(label)
+            panel.yaxis.set_label_coords(-0.6 / 2.2, 0.5)  # one place for both, and never beyond the margin
             panel.grid(True)
-        bar = figure.colorbar(colours, cax=axes_at(figure, 6.1, 0.85, 0.14, height - 1.25))
+        bar = figure.colorbar(colours, cax=axes_at(figure, 6.2, 0.85, 0.14, height - 1.25))
         bar.set_label("distance from mid-span along the arc, m")
-        shown = [Line2D([], [], color="0.6", lw=0.7, label="polars of the strips")]
+        shown = [Line2D([], [], color=MIDDLE, lw=0.9, label="polars of the strips, in their colours")]
         for name, (_, mark) in wings.items():
             label = f"strips of the {name} wing"
             shown.append(Line2D([], [], ls="", marker=mark, mfc="0.9", mec="black", mew=0.5, ms=5.5, label=label))
-        figure.legend(handles=shown, loc="lower left", bbox_to_anchor=(0.5 / WIDTH, 0.08 / height), ncols=3)
+        figure.legend(handles=shown, loc="lower left", bbox_to_anchor=(0.4 / WIDTH, 0.08 / height), ncols=3)
     return figure
 
 

@@ -32,8 +32,10 @@ HISTORY = {
     "structural.slack_lines": "slack lines",
     "aero.CL": "C_L",
     "aero.CD": "C_D",
-    "aero.alpha_mid": "angle of attack, rad",
+    "aero.alpha_mid": "angle of attack, deg",
 }
+COEFFICIENTS = ("CL", "CD", "CS")  # outputs that are the parts of one vector
+ROUNDING = 1e-12  # of the size of a vector: what is left of a zero, and shown as such
 Table = dict[str, Any]  # title, header, rows of cells, marked: rows that stand out
 
 
@@ -87,8 +89,14 @@ def cell(value: Any) -> tuple[str, bool]:
         return "yes" if value else "no", False
     array = np.asarray(value, dtype=float)
     if array.ndim:
+        array = _rounded(array, array)
         return "(" + ", ".join(cell(v)[0] for v in array) + ")", True
     return f"{float(array) + 0.0:.6g}", True
+
+
+def _rounded(values: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """The values, zero where they are rounding of the largest value `of` which they are a part."""
+    return np.where(np.abs(values) <= ROUNDING * np.abs(of).max(initial=0.0), 0.0, values)
 
 
 def _table(title: str, header: Iterable[str], rows: Iterable[Iterable[Any]], marked: Iterable[Any] = ()) -> Table:
@@ -96,9 +104,12 @@ def _table(title: str, header: Iterable[str], rows: Iterable[Iterable[Any]], mar
     return {"title": title, "header": list(header), "rows": cells, "marked": {int(i) for i in marked}}
 
 
-def _about(variable: Any) -> tuple[str, str]:
-    """Unit and description of a solver's variable, empty where it is not known."""
-    return ("", "") if variable is None else (variable.unit, variable.description)
+def _about(value: Any, variable: Any) -> tuple[str, str]:
+    """Unit and description of a solver's variable, empty where it is not known; an angle in degrees too."""
+    if variable is None:
+        return "", ""
+    degrees = f" ({np.rad2deg(float(value)):.3f} deg)" if variable.unit == "rad" and not variable.shape else ""
+    return variable.unit + degrees, variable.description
 
 
 def _shown(value: Any, variable: Any) -> Any:
@@ -108,9 +119,13 @@ def _shown(value: Any, variable: Any) -> Any:
 
 def _outputs(content: dict[str, Any], variables: dict[str, Any]) -> Table:
     rows = []
-    for name, value in content.get("outputs", {}).items():
+    outputs = dict(content.get("outputs", {}))
+    parts = [outputs[name] for name in COEFFICIENTS if name in outputs]
+    outputs |= {name: _rounded(outputs[name], np.array(parts)) for name in COEFFICIENTS if name in outputs}
+    for name, value in outputs.items():
         known = [variables[key] for key in (name, f"aero.{name}", f"structural.{name}") if key in variables]
-        rows.append([name, _shown(value, known[0] if known else None), *_about(known[0] if known else None)])
+        variable = known[0] if known else None
+        rows.append([name, _shown(value, variable), *_about(value, variable)])
     return _table("Outputs", ["output", "value", "unit", "meaning"], rows)
 
 
@@ -129,7 +144,8 @@ def _parameters(run: "Run", content: dict[str, Any], variables: dict[str, Any]) 
         for block in (b for b, c in causality.items() if c == "parameter"):
             variable = variables.get(f"{label}.{block}")
             origin = "set" if block in given else "start value"
-            rows.append([f"{label}.{block}", _shown(run.blocks[label][block], variable), *_about(variable), origin])
+            value = run.blocks[label][block]
+            rows.append([f"{label}.{block}", _shown(value, variable), *_about(value, variable), origin])
     return _table("Parameters", ["parameter", "value", "unit", "meaning", "origin"], rows)
 
 
@@ -143,19 +159,22 @@ def _elements(title: str, frame: Frame | None, which: Any, state_of: Any) -> Tab
         rest = frame.rest_length[i]
         stretch = 100.0 * (frame.length[i] / rest - 1.0) if rest > 0.0 else "\u2013"
         path = " \u2013 ".join(frame.labels[n] for n in frame.chains[i])
-        tension = frame.tension[i]
-        rows.append([frame.names[i], path, rest, frame.length[i], stretch, tension, state_of(tension)])
+        rows.append([frame.names[i], path, rest, frame.length[i], stretch, frame.tension[i], state_of(frame, i)])
     return _table(title, header, rows, np.flatnonzero(frame.slack[chosen]))
 
 
 def _lines(state: FinalState) -> Table:
-    return _elements("Lines", state.frame, lambda f: ~f.two_way, lambda t: "taut" if t > 0.0 else "slack")
+    def state_of(frame: Frame, i: int) -> str:
+        return "slack" if frame.slack[i] else "loose" if frame.loose[i] else "taut"
+
+    return _elements("Lines", state.frame, lambda f: ~f.two_way, state_of)
 
 
 def _springs(state: FinalState) -> Table:
-    return _elements(
-        "Springs (two-way)", state.frame, lambda f: f.two_way, lambda t: "tension" if t >= 0.0 else "compression"
-    )
+    def state_of(frame: Frame, i: int) -> str:
+        return "tension" if frame.tension[i] >= 0.0 else "compression"
+
+    return _elements("Springs (two-way)", state.frame, lambda f: f.two_way, state_of)
 
 
 def _strips(state: FinalState) -> Table:
@@ -168,18 +187,18 @@ def _strips(state: FinalState) -> Table:
             "width, m": s.width,
             "lift, N/m": s.lift,
             "drag, N/m": s.drag,
-            "side force, N/m": s.side,
+            "side force, N/m": _rounded(s.side, s.lift),
             "effective angle of attack, deg": s.alpha,
             "circulation, m\u00b2/s": s.circulation,
         }
         if s.coefficients is not None:
             columns |= dict(zip(("cl", "cd", "cm"), s.coefficients, strict=True))
-    columns = {name: values for name, values in columns.items() if values is not None}
+    columns = {name: _rounded(values, values) for name, values in columns.items() if values is not None}
     return _table("Strips (left tip first)", columns, zip(*columns.values(), strict=True))
 
 
 def _history(run: "Run") -> Table:
-    rows = run.result.history
+    rows = [{k: np.rad2deg(v) if k == "aero.alpha_mid" else v for k, v in row.items()} for row in run.result.history]
     shown = {key: head for key, head in HISTORY.items() if rows and key in rows[0]}
     cells = [[row["iteration"], *(row[key] for key in shown)] for row in rows]
     return _table("Coupling iterations", ["coupling iteration", *shown.values()], cells)

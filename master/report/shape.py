@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from master.report.figures import MIDDLE, WIDTH, axes_at, new_figure, style
+from master.report.figures import MIDDLE, WIDTH, axes_at, new_figure, style, wrapped
 from master.report.state import FinalState, Frame
 
 if TYPE_CHECKING:
@@ -12,11 +12,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEFT, GAP, RIGHT, TOP, BOTTOM = 0.55, 0.3, 0.12, 0.72, 0.48  # in
-LEAST = 2.3  # in, height of the top view, beside which the legend stands, and width of the views, for their titles
+LEAST = 2.3  # in, height of the top view and width of the views, for their titles
+LEGEND = LEAST - 0.4  # in, width of the text of the legend, which stands beside the top view
+LINE, ENTRY, KEY = 0.136, 0.04, 0.5  # in, height of a line of the legend, more for an entry, for the bar below
 FLATTEST = 1.1  # in, height of the front and side views, for the arrow of the wind
 TALLEST = 9.0  # in, front and top view together
 BLUE = (0.60, 0.75, 0.88)
 SLACK = "#b2182b"
+LOOSE = "#d95f02"
+DASHES = {"slack": (0.0, (4.0, 2.5)), "loose": (0.0, (7.0, 1.5, 1.5, 1.5))}
 # View: horizontal and vertical axis, and whether the horizontal one runs to the left: what stands upwind and looks
 # downwind has the right wing (y > 0) on its left, and the top view keeps that.
 FRONT, SIDE, ABOVE = (1, 2, True), (0, 2, False), (1, 0, True)
@@ -39,12 +43,14 @@ def shape_figure(state: FinalState, title: str, status: str = "converged", wind:
     ranges = np.maximum(high - low, [1e-3, 1e-3, 0.25 * max(high[1] - low[1], 1e-3)]) * 1.08
     middle = 0.5 * (low + high)
     width = WIDTH - LEFT - GAP - RIGHT
+    handles, labels = _entries(state)
+    least = max(LEAST, LINE * sum(label.count("\n") + 1 for label in labels) + ENTRY * len(labels) + KEY)
     sideways = min((width - LEAST) / max(ranges[:2]), width / (ranges[0] + ranges[1]))
-    upwards = min((TALLEST - LEAST) / ranges[2], TALLEST / (ranges[0] + ranges[2]))
+    upwards = min((TALLEST - least) / ranges[2], TALLEST / (ranges[0] + ranges[2]))
     scale = min(sideways, upwards)
     front = np.array([max(ranges[1] * scale, LEAST), max(ranges[2] * scale, FLATTEST)])
     side = np.array([width - front[0], front[1]])
-    above = np.array([front[0], max(ranges[0] * scale, LEAST)])
+    above = np.array([front[0], max(ranges[0] * scale, least)])
     height = TOP + front[1] + 0.56 + above[1] + BOTTOM
     with style():
         figure = new_figure(height, title)
@@ -64,7 +70,7 @@ def shape_figure(state: FinalState, title: str, status: str = "converged", wind:
             _wind(views[SIDE], SIDE, points, wind)
         key = axes_at(figure, LEFT + front[0] + GAP, BOTTOM, side[0], above[1] - 0.05)
         key.set_axis_off()
-        key.legend(*_entries(state), loc="upper left", borderaxespad=0.0, handlelength=2.2, labelspacing=0.35)
+        key.legend(handles, labels, loc="upper left", borderaxespad=0.0, handlelength=2.2, labelspacing=0.35)
         if colours is not None:
             place = axes_at(figure, LEFT + front[0] + GAP + 0.1, BOTTOM + 0.02, min(side[0], 2.6) - 0.3, 0.12)
             bar = figure.colorbar(colours, cax=place, orientation="horizontal")
@@ -102,7 +108,7 @@ def _colours(frame: Frame) -> Any:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
 
-    taut = ~frame.two_way & ~frame.slack
+    taut = frame.taut
     if not taut.any():
         return None
     cut = ListedColormap(colormaps["viridis_r"](np.linspace(0.12, 1.0, 256)))  # the palest would vanish on paper
@@ -127,10 +133,10 @@ def _draw(axes: "Axes", state: FinalState, view: tuple[int, int, bool], colours:
 
     lines(slice(None), frame.undeformed[legs][..., at], "undeformed", colors="0.70", linewidths=0.6, zorder=2)
     lines(frame.two_way[element], now, "springs", colors="0.25", linewidths=0.8, zorder=3)
-    slack = frame.slack[element]
-    lines(slack, now, "slack", colors=SLACK, linewidths=1.2, linestyles=[(0.0, (4.0, 2.5))], zorder=5)
+    for gid, which, colour in (("slack", frame.slack, SLACK), ("loose", frame.loose, LOOSE)):
+        lines(which[element], now, gid, colors=colour, linewidths=1.2, linestyles=[DASHES[gid]], zorder=5)
     if colours is not None:
-        taut = ~frame.two_way[element] & ~slack
+        taut = frame.taut[element]
         lines(taut, now, "taut", colors=colours.to_rgba(frame.tension[element][taut]), linewidths=1.3, zorder=4)
     for nodes, mark in ((frame.sheaves, SHEAVE), (np.flatnonzero(frame.supports), SUPPORT)):
         axes.plot(*frame.position[nodes][:, at].T, ls="", zorder=6, **mark)
@@ -141,35 +147,38 @@ SUPPORT: dict[str, Any] = {"marker": "^", "ms": 5.5, "mfc": "black", "mec": "bla
 
 
 def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
-    """Handles and labels of the legend, of what is there."""
+    """Handles and labels of the legend, of what is there; labels in lines of at most LEGEND in."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     entries: list[tuple[Any, str]] = [(Patch(fc=(*BLUE, 0.45), ec=BLUE, lw=0.5), "wing surface (interface)")]
     frame = state.frame
     if frame is not None:
-        springs, slack = int(frame.two_way.sum()), int(frame.slack.sum())
-        taut = len(frame.two_way) - springs - slack
+        kinds = (frame.two_way, frame.taut, frame.slack, frame.loose)
+        springs, taut, slack, loose = (int(which.sum()) for which in kinds)
         if springs:
             entries.append((Line2D([], [], color="0.25", lw=0.8), f"springs, two-way ({springs})"))
         if taut:
             entries.append((Line2D([], [], color=MIDDLE, lw=1.3), f"lines under tension ({taut})"))
+        if loose:
+            text = f"loose lines, below 1 % of the largest tension ({loose})"
+            entries.append((Line2D([], [], color=LOOSE, lw=1.2, ls=DASHES["loose"]), text))
         if slack:
-            entries.append((Line2D([], [], color=SLACK, lw=1.2, ls=(0.0, (4.0, 2.5))), f"slack lines ({slack})"))
+            entries.append((Line2D([], [], color=SLACK, lw=1.2, ls=DASHES["slack"]), f"slack lines ({slack})"))
         if len(frame.sheaves):
-            entries.append((Line2D([], [], ls="", **SHEAVE), "sheaves"))
+            entries.append((Line2D([], [], ls="", **SHEAVE), "pulleys (sheaves)"))
         entries.append((Line2D([], [], ls="", **SUPPORT), "fixed nodes"))
         text = "undeformed: design shape"
         if state.turn is not None:
             way = "nose-up" if state.turn >= 0.0 else "nose-down"
-            text += f",\nturned rigidly {abs(state.turn):.2f}\u00b0 {way}\nabout node {state.pivot} to fit the wing"
+            text += f", turned rigidly {abs(state.turn):.2f}\u00b0 {way} about node {state.pivot} to fit the wing"
         entries.append((Line2D([], [], color="0.70", lw=0.8), text))
         moved = np.linalg.norm(frame.position - frame.undeformed, axis=1)
         node = frame.labels[int(np.argmax(moved))]
         size = f"{moved.max():.3f} m" if moved.max() >= 0.01 else f"{1e3 * moved.max():.3g} mm"
-        entries.append((Line2D([], [], ls=""), f"drawn to scale; largest\ndeformation {size} (node {node})"))
-    handles, labels = zip(*entries, strict=True)
-    return list(handles), list(labels)
+        entries.append((Line2D([], [], ls=""), f"drawn to scale; largest deformation {size} (node {node})"))
+    with style():
+        return [handle for handle, _ in entries], [wrapped(text, LEGEND) for _, text in entries]
 
 
 def _wind(axes: "Axes", view: tuple[int, int, bool], points: np.ndarray, wind: np.ndarray) -> None:

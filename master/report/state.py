@@ -9,6 +9,15 @@ if TYPE_CHECKING:
     from master.run import Run
 
 
+LOOSE = 0.01  # of the largest line tension: below it a line holds little more than its own weight and the wind on it
+
+
+def loose_lines(tension: np.ndarray, two_way: np.ndarray) -> np.ndarray:
+    """Which tension-only elements are under tension, but below LOOSE times the largest of theirs, (e,) bool."""
+    largest = tension[~two_way].max(initial=0.0)
+    return ~two_way & (tension > 0.0) & (tension < LOOSE * largest)
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """Nodes and elements of the structure.
@@ -34,6 +43,16 @@ class Frame:
     def slack(self) -> np.ndarray:
         """Which elements are tension-only and without tension, (e,) bool."""
         return ~self.two_way & (self.tension <= 0.0)
+
+    @property
+    def loose(self) -> np.ndarray:
+        """Which elements are tension-only and hardly under tension (see `loose_lines`), (e,) bool."""
+        return loose_lines(self.tension, self.two_way)
+
+    @property
+    def taut(self) -> np.ndarray:
+        """Which elements are tension-only and neither slack nor loose, (e,) bool."""
+        return ~self.two_way & ~self.slack & ~self.loose
 
     @property
     def legs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -117,15 +136,14 @@ def final_state(scene: Any, run: "Run") -> FinalState:
     """The final state of a `run` of `scene`, see the classes above."""
     aero, structural = run.blocks["aero"], run.blocks["structural"]
     mesh = scene.interface
-    lines = np.asarray(getattr(mesh, "lines", np.zeros((0, 2))), dtype=int)
     surface = Surface(
         mesh.nodes,
-        mesh.nodes + aero["displacement"],
+        mesh.nodes + structural["displacement"],
         np.asarray(mesh.panels),
         aero["pressure"],
         aero.get("shear"),
-        lines,
-        np.asarray(getattr(mesh, "diameter", np.zeros(len(lines)))),
+        mesh.lines,
+        mesh.diameter,
         aero.get("line_load"),
     )
     turn = pivot = None

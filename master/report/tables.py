@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.state import loose_lines
+
 if TYPE_CHECKING:
     from master.run import Run
 
@@ -120,8 +122,8 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
     rows = [
         ("scheme, backend", f"{content['scheme']}, {content['backend']}"),
         ("coupling iterations", f"{result.iterations}"),
-        ("interface residual", f"{result.residual:.2e} m"),
-        ("out-of-balance force", f"{result.residual_N:.2e} N"),
+        ("interface residual", _residual(result.residual, "m")),
+        ("out-of-balance force", _residual(result.residual_N, "N")),
         ("statically stable", _stability_text(run)),
         ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
         ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} (area "
@@ -134,20 +136,31 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
     ]  # fmt: skip
     if "line_force" in aero:
         rows.insert(-1, ("wind force on lines", _vector(aero["line_force"]) + " N"))
+    mass = float(scene.members.mass_with(float(structural.get("wing_mass", scene.members.wing_mass.sum()))).sum())
+    if mass > 0.0:
+        weight = f"{float(structural['gravity']) * mass:.2f} N, " if "gravity" in structural else ""
+        rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
         rows.insert(7, ("lift over drag", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural["tension"]
     lines = scene.members.names
-    one_way = np.concatenate([~c.two_way for c in scene.members.chains])
+    two_way = np.concatenate([c.two_way for c in scene.members.chains])
+    one_way = ~two_way
     if one_way.any():
         # the first of those that are equal but for rounding, so that left and right do not take turns
         most = np.flatnonzero(one_way & (tension >= tension[one_way].max() * (1.0 - 1e-9)))[0]
         rows.append(("largest line tension", f"{tension[most]:.1f} N in {lines[most]}"))
         slack = [lines[i] for i in np.flatnonzero(one_way & (tension <= 0.0))]
         rows.append(("slack lines", ", ".join(slack) or "none"))
+        loose = [f"{lines[i]} ({tension[i]:.2g} N)" for i in np.flatnonzero(loose_lines(tension, two_way))]
+        rows.append(("loose lines", ", ".join(loose) or "none"))
     wall = content["wall_time_s"]
     rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
     return rows
+
+
+def _residual(value: float, unit: str) -> str:
+    return f"{value:.2e} {unit}" if np.isfinite(value) else "not known, as a step was refused"
 
 
 def _vector(values: np.ndarray) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.harness import COLUMNS, exponents, measured, write_csv, wrong
 from benchmarks.memory import growth
-from benchmarks.plots import draw
+from benchmarks.plots import Branches, draw
 from benchmarks.registry import Case, Curve, Fit, Multiples, Outcome, Table, registered
 from benchmarks.run import run
 
@@ -124,7 +124,30 @@ def test_a_failing_case_leaves_nothing_behind_and_does_not_keep_the_others_from_
     assert "sample.broken raised ZeroDivisionError: no such table" in failed[1]
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {"machine.json", "sample.bad.csv", "sample.power.csv", "sample.power.md", "sample.power.svg"}
-    assert "python -m benchmarks run sample.power" in (tmp_path / "sample.power.md").read_text()
+    assert "`.venv/bin/python -m benchmarks run sample.power`" in (tmp_path / "sample.power.md").read_text()
+
+
+def test_a_line_is_broken_between_branches_and_the_markers_of_the_lower_one_are_filled(tmp_path, monkeypatch):
+    from matplotlib.axes import Axes
+
+    drawn = []
+    plain = Axes.plot
+    monkeypatch.setattr(Axes, "plot", lambda self, *xy, **how: (drawn.append((xy, how)), plain(self, *xy, **how))[1])
+    plot = Branches(
+        "value", ("error",), across="side", lines="count", by="height", jump=0.5, least=7.0, filled="folded",
+    )  # fmt: skip
+    labels = {"count": "count", "side": "side", "height": "height"}
+    places = ((1.0, 7.9), (2.0, 7.6), (4.0, 6.1), (8.0, 6.0))
+    rows = [
+        {"series": "", "value": x, "error": x, "time_s": 1.0, "status": "converged", "count": 1, "side": 0, "height": h}
+        for x, h in places
+    ]
+    draw(replace(SAMPLE, plot=plot, labels=labels), rows, tmp_path / "a.svg")
+    (line, white), (low, filled) = drawn
+    assert np.array_equal(line[0], [1.0, 2.0, math.nan, 4.0, 8.0], equal_nan=True)
+    assert white["markerfacecolor"] == "white"
+    assert low[0] == [4.0, 8.0]
+    assert "markerfacecolor" not in filled
 
 
 @pytest.mark.parametrize("plot", [Curve(), Multiples("value", ("error", "count"), across="side", lines="count")])

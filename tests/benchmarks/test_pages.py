@@ -10,6 +10,7 @@ from benchmarks import __main__ as command_line
 from benchmarks import registry
 from benchmarks.docs import MARKER, ROOT, MissingResult, known_fragments, markers, pages, write
 from benchmarks.registry import Case, Table, registered
+from benchmarks.text import command
 
 IMAGE = re.compile(r"!\[[^\]]*\]\(([^)\s]+)\)")
 PAGES = pages()
@@ -22,9 +23,9 @@ def test_every_marker_names_a_fragment_and_every_part_names_its_command(page):
     for match in MARKER.finditer(text):
         name = match.group(2)
         entries = {"cases": CASES, "machine": []}.get(name, [name.removesuffix(".svg")])
-        assert "python -m benchmarks run" in match.group(0)
+        assert "`.venv/bin/python -m benchmarks run" in match.group(0)
         for entry in entries:
-            assert f"`python -m benchmarks run {entry}`" in match.group(0)
+            assert command(entry) in match.group(0)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -85,7 +86,7 @@ def test_a_figure_is_copied_and_linked_from_where_the_page_stands(root):
 
 def test_a_missing_result_is_named_with_the_command_that_makes_it_and_no_page_is_touched(root):
     (root / "README.md").write_text(f"{OPEN.format('v3_aero.errors')}\nkept\n<!-- end -->\n")
-    with pytest.raises(MissingResult, match=r"v3_aero.errors.md is missing; `python -m benchmarks run v3_aero.errors`"):
+    with pytest.raises(MissingResult, match=f"v3_aero.errors.md is missing; {command('v3_aero.errors')}"):
         write(root / "results", root=root)
     assert (root / "docs" / "page.md").read_text() == PAGE
     assert write(root / "results", ["v3_aero.stall"], root=root)  # asked for by name it needs no other
@@ -115,9 +116,10 @@ def test_figures_of_a_quick_run_do_not_reach_the_pages(root):
 def test_the_command_line_lists_everything_and_refuses_what_there_is_not():
     listed = CliRunner().invoke(command_line.app, ["list"]).output
     assert all(name in listed for name in registered())
-    refused = CliRunner().invoke(command_line.app, ["run", "nonsense"])
-    assert refused.exit_code == 2
-    assert "there is no case or table nonsense" in refused.output
+    for verb, sentence in (("run", "no case or table nonsense"), ("docs", "no case, table or part of a page nonsense")):
+        refused = CliRunner().invoke(command_line.app, [verb, "nonsense"])
+        assert refused.exit_code == 2
+        assert f"there is {sentence}" in refused.output
 
 
 def test_a_failure_is_the_exit_code_of_the_run(tmp_path, monkeypatch):

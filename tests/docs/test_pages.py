@@ -10,7 +10,7 @@ import pytest
 
 import scenes
 from scenes.description import _KNOWN
-from tests.docs.pages import DOCS, checked, give_files
+from tests.docs.pages import DOCS, blocks, checked, give_files
 
 GUIDE = DOCS / "scenes.md"
 ROOT = DOCS.parent
@@ -83,6 +83,22 @@ def test_a_mistake_of_the_guide_is_answered_by_its_message(flown, tmp_path, case
     assert len(table) == len(MISTAKES)
     with pytest.raises(ValueError, match=re.escape(table[case].removesuffix("..."))):
         scenes.load(folder).trim_angle()
+
+
+def test_the_example_of_tapes_and_variants_makes_a_scene(flown, tmp_path):
+    folder = shutil.copytree(flown[0] / "my_kite", tmp_path / "my_kite")
+    (example,) = (block.text for block in blocks(GUIDE) if block.kind == "toml" and "steering_left" in block.text)
+    lines = (folder / "lines.csv").read_text()
+    lines += "".join(f"steering_{side},pulley_{side} bridle_point,4.6,0.002\n" for side in ("left", "right"))
+    for name in ("lines.csv", "lines_long.csv"):
+        (folder / name).write_text(lines)
+    text = (folder / "scene.toml").read_text()
+    plain = '[structure.tapes]\npower_tape_length = ["power_tape"]\n'
+    assert plain in text
+    (folder / "scene.toml").write_text(text.replace(plain, example))
+    scene = scenes.load(folder, {"variant": "long"})
+    assert (scene.content["structure"]["lines"], scene.content["aero"]["wind_speed"]) == ("lines_long.csv", 12.0)
+    assert scene.structural_core().get("steering_tape_left_length") == 4.6
 
 
 def test_the_guide_names_every_key_of_a_scene_with_its_default():

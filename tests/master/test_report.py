@@ -127,21 +127,6 @@ def test_strip_loads_add_up_to_the_aerodynamic_force(name, request):
     np.testing.assert_allclose(strips.arc, -strips.arc[::-1], atol=1e-5)  # both wings alike: solver tolerance
 
 
-def test_undeformed_shape_follows_a_rigid_pitch(kite):
-    scene, run, _ = kite
-    angle, about = 0.2, scene.members.nodes[scene.pivot]
-    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
-    position = about + (scene.members.nodes - about) @ turn.T
-    displacement = scene.interface.weights @ position - scene.interface.nodes
-    blocks = {
-        "aero": run.blocks["aero"],
-        "structural": {**run.blocks["structural"], "position": position, "displacement": displacement},
-    }
-    state = final_state(scene, dataclasses.replace(run, blocks=blocks))
-    assert state.turn == pytest.approx(np.rad2deg(angle), abs=1e-10)  # closed form
-    np.testing.assert_allclose(state.frame.undeformed, position, atol=1e-12)
-
-
 class Page(html.parser.HTMLParser):
     """Checks that elements close in order; collects cells, addresses and text."""
 
@@ -196,6 +181,19 @@ def test_page_marks_the_slack_lines(kite, folder):
     names = {scene.members.names[i] for i in np.flatnonzero(slack & ~two_way)}
     assert len(names) == 2
     assert names == set(page.marked) & set(scene.members.names)
+
+
+def test_page_has_no_side_force_of_a_symmetric_kite_and_its_angles_in_degrees(kite, folder):
+    _, run, content = kite
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    words = Page(text).words
+    assert abs(content["outputs"]["CS"]) < 1e-12  # rounding
+    assert words[words.index("CS") + 1] == "0"
+    assert "angle of attack, deg" in words
+    angle = np.rad2deg(run.result.history[-1]["aero.alpha_mid"])
+    assert f"{angle:.6g}" in words
+    assert f"rad ({np.rad2deg(float(run.blocks['aero']['alpha_mid'])):.3f} deg)" in words
+    assert any("chord to the local flow with induced velocity" in w for w in words)
 
 
 def test_page_shows_hostile_text_as_text(plate, tmp_path):

@@ -50,6 +50,12 @@ def figures(request):
     return drawn(*flown(name, settings))
 
 
+def inside(figure, artist):
+    """Whether an artist is within the page."""
+    box = artist.get_window_extent(figure.canvas.get_renderer())
+    return box.x0 >= 0.0 and box.y0 >= 0.0 and box.x1 <= figure.bbox.width and box.y1 <= figure.bbox.height
+
+
 def collections(axes, gid):
     return [c for c in axes.collections if c.get_gid() == gid]
 
@@ -71,6 +77,48 @@ def test_slack_lines_are_dashed_and_taut_ones_are_not(kite):
         assert taut.get_linestyle()[0][1] is None
     labels = [text.get_text() for axes in figure.axes if axes.get_legend() for text in axes.get_legend().get_texts()]
     assert f"slack lines ({count})" in labels
+
+
+def test_loose_lines_are_dashed_and_neither_slack_nor_taut():
+    state, _ = flown("v3_kite", wind_speed=12.0)
+    count = int(state.frame.loose.sum())
+    assert count == 2
+    figure = shape_figure(state, "a scene", "converged", WIND)
+    _, element = state.frame.legs
+    for axes in figure.axes[:3]:
+        (loose,), (taut,), (slack,) = (collections(axes, gid) for gid in ("loose", "taut", "slack"))
+        assert len(loose.get_segments()) == np.count_nonzero(state.frame.loose[element])
+        assert len(taut.get_segments()) == np.count_nonzero(state.frame.taut[element])
+        assert not slack.get_segments()
+        assert loose.get_linestyle()[0][1] is not None
+        assert loose.get_linestyle() != slack.get_linestyle()
+    (legend,) = (axes.get_legend() for axes in figure.axes if axes.get_legend())
+    labels = [text.get_text().replace("\n", " ") for text in legend.get_texts()]
+    assert "loose lines, below 1 % of the largest tension (2)" in labels
+    assert "lines under tension (35)" in labels  # of 37
+
+
+@pytest.mark.parametrize("label", ["0", "pulley_left", "trailing_edge_node_of_the_outermost_left_strut_12"])
+@pytest.mark.parametrize("stretch", [(0.5, 1, 1), (1, 1, 1), (1, 1, 30), (3, 1, 1)])
+def test_legend_is_on_the_page_beside_the_top_view_whatever_the_nodes_are_called(kite, stretch, label):
+    state, _ = kite
+    tension = state.frame.tension.copy()
+    tension[np.flatnonzero(state.frame.slack)[0]] = 0.1  # one slack line is loose then: an entry more
+    shapes = {k: getattr(state.frame, k) * stretch for k in ("undeformed", "position")}
+    names = (label,) * len(state.frame.labels)
+    frame = dataclasses.replace(state.frame, labels=names, tension=tension, **shapes)
+    surface = dataclasses.replace(state.surface, position=state.surface.position * stretch)
+    state = dataclasses.replace(state, surface=surface, frame=frame, pivot=label)
+    figure = shape_figure(state, "a scene", "converged", WIND)
+    (legend,) = (axes.get_legend() for axes in figure.axes if axes.get_legend())
+    figure.draw_without_rendering()
+    assert inside(figure, legend)
+    assert all(inside(figure, text) for text in legend.get_texts())
+    box = legend.get_window_extent()
+    for axes in (*figure.axes[:3], figure.axes[-1]):  # the views, and the bar below
+        assert not box.overlaps(axes.get_tightbbox())
+    text = "".join(text.get_text() for text in legend.get_texts()).replace("\n", "")
+    assert text.count(label) >= 2
 
 
 def test_views_show_the_nodes_where_they_are_to_one_scale(kite):
@@ -158,6 +206,27 @@ def test_history_of_a_run_that_blew_up_is_drawn():
     assert len(convergence_figure(history[:1], "a scene").axes) == 3
 
 
+def test_axis_labels_of_the_polars_keep_off_the_numbers_and_off_the_edge(figures):
+    figure = figures["polars"]
+    rendered(figure)
+    for panel in figure.axes[:2]:
+        label = panel.yaxis.get_label().get_window_extent()
+        assert label.x0 > 0.05 * figure.dpi
+        numbers = [t.get_window_extent() for t in panel.get_yticklabels() if t.get_text()]
+        assert label.x1 < min(box.x0 for box in numbers)
+
+
+def test_strips_and_their_polars_have_one_colour(kite):
+    state, _ = kite
+    for panel in polar_figure(state.strips, "a scene").axes[:2]:
+        (curves,) = (c for c in panel.collections if isinstance(c, LineCollection))
+        left, right = (c for c in panel.collections if c is not curves)
+        n = len(left.get_facecolors())
+        np.testing.assert_array_equal(curves.get_colors()[:n], left.get_facecolors())
+        np.testing.assert_array_equal(curves.get_colors()[-n:], right.get_facecolors())
+        assert len(np.unique(curves.get_colors().round(3), axis=0)) == (len(state.strips.arc) + 1) // 2
+
+
 def test_strips_stand_on_their_polars(kite):
     state, _ = kite
     figure = polar_figure(state.strips, "a scene")
@@ -170,3 +239,8 @@ def test_strips_stand_on_their_polars(kite):
         offsets = np.concatenate([np.asarray(c.get_offsets()) for c in panel.collections if c is not curves])
         for alpha, value in zip(state.strips.alpha, values, strict=True):
             assert np.min(np.abs(offsets - [alpha, value]).sum(axis=1)) < 1e-12
+
+
+def test_dollar_signs_in_a_title_are_dollar_signs(kite):
+    figure = shape_figure(kite[0], "costs $1, not $\\foo$", "converged", WIND)
+    assert rendered(figure)["svg"].startswith(b"<?xml")

@@ -1,0 +1,120 @@
+"""The page that comes with an FMU: somebody with another solver finds there what every index counts."""
+
+import html.parser
+import zipfile
+
+import numpy as np
+import pytest
+
+from fmus.documentation import page
+from scenes.variables import Variable
+from tests.fmus.toy_fmu import Toy, ToyFmu
+
+
+class Page(html.parser.HTMLParser):
+    """Tables by the first words of their titles, as lists of rows of texts; checks that elements close in order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.text, self.open, self.tables, self.title = "", [], {}, ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+        if tag == "summary":
+            self.title = ""
+        elif tag == "tr":
+            self.tables.setdefault(self.title.partition(":")[0], []).append([])
+        elif tag in ("td", "th"):
+            self.tables[self.title.partition(":")[0]][-1].append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+        if "summary" in self.open:
+            self.title += data
+        elif "td" in self.open:
+            self.tables[self.title.partition(":")[0]][-1][-1] += data
+
+
+def read(path):
+    """The page of an FMU."""
+    with zipfile.ZipFile(path) as whole:
+        return Page(whole.read("documentation/index.html").decode())
+
+
+def numbers(page, title, columns):
+    """Columns of a table as floats, below its header; its rows count from 1."""
+    rows = page.tables[title][1:]
+    assert [row[0] for row in rows] == [str(i) for i in range(1, len(rows) + 1)]
+    return np.array([[float(row[c]) for c in columns] for row in rows])
+
+
+def test_interface_can_be_rebuilt_from_the_page(case):
+    scene, paths = case
+    mesh = scene.interface
+    for found in map(read, paths):
+        # nine digits of coordinates of up to 100 m
+        np.testing.assert_allclose(numbers(found, "Interface nodes", (1, 2, 3)), mesh.nodes, rtol=1e-8, atol=1e-11)
+        np.testing.assert_array_equal(numbers(found, "Panels", (1, 2, 3, 4)), mesh.panels + 1)
+        assert ("Exposed lines" in found.tables) is bool(len(mesh.lines))
+        if len(mesh.lines):
+            np.testing.assert_array_equal(numbers(found, "Exposed lines", (1, 2)), mesh.lines + 1)
+            np.testing.assert_allclose(numbers(found, "Exposed lines", (3,))[:, 0], mesh.diameter, rtol=1e-8)
+            names = [row[4] for row in found.tables["Exposed lines"][1:]]
+            assert names == list(scene.members.leg_names)
+
+
+def test_structural_page_names_what_tensions_and_positions_belong_to(case):
+    scene, paths = case
+    found, members = read(paths[0]), scene.members
+    assert [row[1] for row in found.tables["Elements"][1:]] == list(members.names)
+    chains = [nodes for group in members.chains for nodes in group.nodes]
+    paths_of = [" – ".join(members.labels[n] for n in chain) for chain in chains]
+    assert [row[3] for row in found.tables["Elements"][1:]] == paths_of
+    assert [row[1] for row in found.tables["Structural nodes"][1:]] == list(members.labels)
+    places = numbers(found, "Structural nodes", (2, 3, 4))
+    np.testing.assert_allclose(places, members.nodes, rtol=1e-8, atol=1e-11)  # nine digits
+    assert not {"Elements", "Structural nodes"} & read(paths[1]).tables.keys()
+
+
+def test_a_positive_pressure_pushes_to_the_suction_side_as_the_page_says(case):
+    scene, paths = case
+    found = read(paths[1])
+    x = numbers(found, "Interface nodes", (1, 2, 3))[numbers(found, "Panels", (1, 2, 3, 4)).astype(int) - 1]
+    area = 0.5 * np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    assert np.all(area[:, 2] > 0.0)  # wings that pull upwards: the suction side is the upper one
+    aero = scene.aero_core()
+    if "trim_angle" in {v.name for v in aero.variables}:
+        aero.set("trim_angle", scene.trim_angle())
+    assert aero.get("pressure") @ area[:, 2] > 0.0
+    # the panels of a strip are those of its lift, the front one and the rear one
+    strips = numbers(found, "Strips", (1, 2)).astype(int) - 1
+    assert sorted(strips.ravel()) == list(range(len(area)))
+    np.testing.assert_array_equal(
+        x[strips[:, 0], 1], x[strips[:, 1], 0]
+    )  # the front one ends where the rear one begins
+
+
+@pytest.mark.parametrize("words", ["fmi2Discard", "fmi2Terminated", "GUID", "linux64", "suction side", "in turn"])
+def test_the_page_says_how_it_is_stepped_and_what_to_beware_of(case, words):
+    scene, paths = case
+    for found in map(read, paths):
+        assert words in found.text
+        assert ("trim_angle" in found.text) is (scene.content["trim"] is not None)
+
+
+def test_hostile_names_are_text():
+    toy = Toy()
+    toy.variables = (Variable("load", (2,), description="<script>&"), *toy.variables[:2])
+    toy.values["load"] = np.zeros(2)
+    slave = ToyFmu(toy, instance_name="toy")
+    slave.description = "</title><b>"
+    found = Page(page(slave))
+    assert "<script>&" in found.text
+    assert "</title><b>" in found.text

@@ -1,0 +1,79 @@
+"""The final state of a run and the rows of its result: weight, slack and loose lines, numbers as they are shown."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import scenes
+from master.coupling import SCHEMES, Coupling
+from master.report import final_state, result_rows
+from master.report.page import cell
+from master.report.state import loose_lines
+from master.run import coupled_run, summary
+
+
+def flown(name, **given):
+    """Scene, run and rows of the result of a scene at given parameters."""
+    scene = scenes.load(name)
+    if scene.content["trim"] is not None:
+        given["trim_angle"] = scene.trim_angle(given)
+    run = coupled_run(Coupling.in_process(scene, given), SCHEMES["iqn-ils"](), stability=False)
+    content = summary(run, {"scene": name, "scheme": "iqn-ils", "backend": "in-process"})
+    return scene, run, dict(result_rows(scene, run, content))
+
+
+@pytest.mark.parametrize("given", [{}, {"wing_mass": 20.0, "gravity": 3.71}], ids=["earth", "heavy wing on mars"])
+def test_what_the_air_carries_less_the_weight_hangs_on_the_supports(given):
+    _, run, rows = flown("v3_kite", wind_speed=12.0, **given)
+    aero, structural = run.blocks["aero"], run.blocks["structural"]
+    weight, mass = (float(part.split()[0]) for part in rows["weight"].split(","))
+    carried = aero["force"][2] + aero["line_force"][2] - structural["support_force"][2]
+    assert carried == pytest.approx(weight, abs=0.006)  # as printed; the residual is far below
+    assert mass * float(structural["gravity"]) == pytest.approx(weight, rel=6e-4)  # four digits
+
+
+def test_scene_without_mass_and_lines_has_no_rows_for_them():
+    assert not {"weight", "slack lines", "loose lines"} & flown("typical_section")[2].keys()
+
+
+def test_lines_that_hold_next_to_nothing_are_named_with_what_they_hold():
+    # at 12 m/s the wind on two steering lines and their weight keep them from slack
+    scene, run, rows = flown("v3_kite", wind_speed=12.0)
+    assert rows["slack lines"] == "none"
+    assert rows["loose lines"] == "br6_right (0.55 N), br6_left (0.55 N)"
+    largest = float(rows["largest line tension"].split()[0])
+    for name in ("br6_right", "br6_left"):
+        assert 0.0 < run.blocks["structural"]["tension"][scene.members.names.index(name)] < 0.01 * largest
+    calm = flown("v3_kite", wind_speed=8.0)[2]
+    assert calm["loose lines"] == "none"
+    assert calm["slack lines"] == "br6_right, br6_left"
+
+
+def test_loose_is_above_zero_and_below_a_hundredth_of_the_largest_line_tension():
+    tension = np.array([100.0, 1.0, 0.99, 1e-9, 0.0, -1.0, 0.5, 900.0])
+    two_way = np.array([False, False, False, False, False, False, True, True])  # springs do not count
+    np.testing.assert_array_equal(np.flatnonzero(loose_lines(tension, two_way)), [2, 3])
+    assert not loose_lines(tension, np.ones(8, bool)).any()
+
+
+def test_page_shows_the_rounding_of_zeros_as_zero_and_small_numbers_as_they_are():
+    assert cell(np.array([122.0, -1.6e-14, -0.0])) == ("(122, 0, 0)", True)
+    assert cell(np.array([1.0, 2e-12])) == ("(1, 2e-12)", True)
+    assert cell(-1.6e-17) == ("-1.6e-17", True)  # of what size, nobody knows
+    assert cell(-0.0) == ("0", True)
+
+
+def test_undeformed_shape_follows_a_rigid_pitch():
+    scene, run, _ = flown("v3_kite", wind_speed=8.0)
+    angle, about = 0.2, scene.members.nodes[scene.pivot]
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    position = about + (scene.members.nodes - about) @ turn.T
+    displacement = scene.interface.weights @ position - scene.interface.nodes
+    blocks = {
+        "aero": run.blocks["aero"],
+        "structural": {**run.blocks["structural"], "position": position, "displacement": displacement},
+    }
+    state = final_state(scene, dataclasses.replace(run, blocks=blocks))
+    assert state.turn == pytest.approx(np.rad2deg(angle), abs=1e-10)  # closed form
+    np.testing.assert_allclose(state.frame.undeformed, position, atol=1e-12)
