@@ -35,8 +35,6 @@ CHOICES = {
 def flown(name, **given):
     """Scene, run and summary content of a scene at given parameters."""
     scene = scenes.load(name)
-    if scene.content["trim"] is not None:
-        given["trim_angle"] = scene.trim_angle(given)
     run = coupled_run(Coupling.in_process(scene, given), SCHEMES["iqn-ils"](), stability=False)
     content = summary(run, {"scene": name, **CHOICES, "scene_settings": scene.settings, "parameters_set": given})
     return scene, run, {**content, "versions": versions()}

@@ -20,8 +20,6 @@ WIND = np.array([8.0, 0.0, 0.0])
 
 def flown(name, settings=None, **given):
     scene = scenes.load(name, settings or {})
-    if scene.content["trim"] is not None:
-        given["trim_angle"] = scene.trim_angle(given)
     run = coupled_run(Coupling.in_process(scene, given), SCHEMES["iqn-ils"](), stability=False)
     return final_state(scene, run), run
 

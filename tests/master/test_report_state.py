@@ -16,8 +16,6 @@ from master.run import coupled_run, summary
 def flown(name, **given):
     """Scene, run and rows of the result of a scene at given parameters."""
     scene = scenes.load(name)
-    if scene.content["trim"] is not None:
-        given["trim_angle"] = scene.trim_angle(given)
     run = coupled_run(Coupling.in_process(scene, given), SCHEMES["iqn-ils"](), stability=False)
     content = summary(run, {"scene": name, "scheme": "iqn-ils", "backend": "in-process"})
     return scene, run, dict(result_rows(scene, run, content))
