@@ -43,14 +43,16 @@ any, are beside the data in resources/scene.</p>
 EXCHANGE = """<h2>Order of exchange</h2>
 <p>Per step, as a master that steps in turn does it: give the aerodynamic FMU the <code>displacement</code> of the
 structural one and step it; give the structural FMU its {loads} and step it. Repeat until <code>displacement</code> no
-longer changes: kites take some 20 rounds to 1e-5 m, twice as many where both are stepped at once. Any order ends at the
-same equilibrium; a master that repeats steps (see the command line of this project) needs fewer.</p>
+longer changes: a kite takes some 20 rounds to 1e-5 m, twice as many where both are stepped at once and nothing changes
+at every second round. That is the explicit scheme: it need not settle, and a kite may have several equilibria (folded
+tips, rolled over), so look at lift and span of the one that was reached. Passing on only a part of each change, or a
+master that accelerates (the command line of this project), settles where it does not.</p>
 """
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
 pivot, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the angle at which wind and
 weight leave no pitching moment in the wind given there. In another wind, or far from that angle, the first steps are
-further from equilibrium and may fail. Give both FMUs the same value before they are initialised; the equilibrium that
-they reach does not depend on it.</p>
+further from equilibrium and may fail, or lead to another one. Give both FMUs the same value before they are
+initialised.</p>
 """
 SIGNS = """<h2>Indices and signs</h2>
 <p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
@@ -65,7 +67,10 @@ Rows = Iterable[Sequence[Any]]
 
 def page(instance: CoreFmu, scene: Scene | None = None) -> str:
     """The HTML text for the FMU of `instance`; with the `scene` that it is of, what the indices count there."""
-    blocks = [(v.name, _shape(v.shape), v.causality, v.unit, v.description) for v, _ in instance.blocks.values()]
+    blocks = [
+        (v.name, _shape(v.shape), v.causality, v.unit, v.description + (" of each, by name below" if v.labels else ""))
+        for v, _ in instance.blocks.values()
+    ]
     title = html.escape(instance.description or instance.title)
     parts = "" if scene is None else _scene(instance, scene)
     return PAGE.format(title=title, variables=_rows(blocks), scene=parts)
