@@ -50,6 +50,25 @@ class StripPolars:
         """The largest loss of lift with angle at any table point, over all strips, per rad (0 where none falls)."""
         return max(0.0, -float(self.coefficients[0, :, :, 2].min()))
 
+    def stall_angles(self):
+        """Angles (2, n) rad of the first lift minimum below and the first maximum above zero angle, at table points.
+
+        Infinite where lift does not turn; what lies beyond, also the rise of separated flow later on, is stalled.
+        """
+        end = self.alpha[-1] - self.alpha[-2]
+        last = self.coefficients[0, :, -1] @ end ** np.arange(3.0, -1.0, -1.0)
+        cl = np.column_stack([self.coefficients[0, :, :, 3], last])  # at the table points
+        zero = int(np.argmin(np.abs(self.alpha)))
+
+        def first(angles, turned, none):
+            if not len(angles):
+                return np.full(len(cl), none)
+            return np.where(turned.any(axis=1), angles[turned.argmax(axis=1)], none)
+
+        low = first(self.alpha[zero:0:-1], np.diff(cl[:, zero::-1], axis=1) > 0.0, -np.inf)
+        high = first(self.alpha[zero:-1], np.diff(cl[:, zero:], axis=1) < 0.0, np.inf)
+        return np.stack([low, high])
+
     def _piece(self, alpha):
         inside = np.clip(alpha, self.alpha[0], self.alpha[-1])
         k = np.clip(np.searchsorted(self.alpha, inside, side="right") - 1, 0, len(self.alpha) - 2)

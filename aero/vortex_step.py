@@ -43,8 +43,9 @@ class VortexStep:
 
     `induction` False is strip theory: every section meets the free stream. `direction` chooses the flow that the
     section lift is normal to: at the "bound" vortex, as in lifting-line theory, with half the wash of the far wake
-    (`wake_influence`: the induced drag of the Trefftz plane whatever sweep and arch), or at the "control" point, as
-    Damiani et al. (2019) and the Vortex-Step-Method code do, which adds drag. `circulation_speed` chooses the speed of
+    (`wake_influence`: the induced drag of the Trefftz plane, within 2.5 % up to 45 degrees of sweep at small angles),
+    or at the "control" point, as Damiani et al. (2019) and the Vortex-Step-Method code do, which adds drag.
+    `circulation_speed` chooses the speed of
     gamma = lift / (rho speed): the "local" one (Kutta-Joukowski), or the "far" one of the same authors.
     `section_force` "lift-drag" reads the polars as cl and cd; "normal" reads cl as c_n of a thin plate that carries
     pressure only: no shear then. `follow` see `pressure_and_shear`.

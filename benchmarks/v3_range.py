@@ -18,7 +18,7 @@ ITERATIONS = 80
 # What a point may end with and be believed: no trim angle means that the wind cannot carry the weight.
 STATUSES = ("converged", "stalled", "diverged", "max_iterations", "no trim")
 ANSWERS = ("alpha_deg", "tip_span_m", "glide")
-JUMP, FOLDED = 0.5, 7.0  # m of tip span: between neighbours on one branch less, with folded tips below
+JUMP, FOLDED = 0.5, 6.8  # m of tip span: between neighbours on one branch less, with folded tips below
 
 
 def coupled(series, wind):

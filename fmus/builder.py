@@ -35,7 +35,7 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
     """Paths of `<scene>_structural.fmu` and `<scene>_aero.fmu`, written to `out_dir` (made when missing).
 
     `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU. A kite
-    that is free to pitch starts from its trim angle unless they give one.
+    that is free to pitch starts from its trim angle unless they give one; where there is none, SceneError.
     ValueError in one sentence for a parameter that neither has, or for a value that a core refuses.
     """
     given = dict(parameters or {})
@@ -45,7 +45,7 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
     if unknown := sorted(given.keys() - set().union(*names.values())):
         known = ", ".join(sorted(set().union(*names.values()))) or "none"
         raise ValueError(f"Scene {scene.name} has no parameter {unknown[0]!r}; its parameters are {known}.")
-    given = scene.with_trim(given)
+    given = scene.with_trim({name: _numbers(name, value) for name, value in given.items()})
     contents = {}
     for side, slave in sides:
         own = {name: _numbers(name, value) for name, value in given.items() if name in names[side]}

@@ -35,8 +35,8 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     _folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run
         (out / name).unlink(missing_ok=True)
-    for fmu in [p for side in ("structural", "aero") for p in (out / "fmus").glob(f"*_{side}.fmu")]:
-        fmu.unlink()
+    for side in ("structural", "aero"):
+        (out / "fmus" / f"{scene.name}_{side}.fmu").unlink(missing_ok=True)
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options["tie_tolerance"] = "solver_tolerance" not in given
     with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
@@ -131,6 +131,7 @@ def list_scenes(name: str | None = None) -> int:
                 if v.causality == "parameter" and v.name not in shown:
                     shown.add(v.name)
                     start = ",".join(f"{x:g}" for x in np.atleast_1d(np.broadcast_to(v.start, v.shape)))
+                    start = "found for wind and weight," if v.name == "trim_angle" else start
                     unit = "" if v.unit == "1" else f" {v.unit}"
                     print(f"  parameter {v.name} = {start}{unit}  {v.description}")
     return 0

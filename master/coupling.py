@@ -92,7 +92,8 @@ class Coupling:
         """The two solver cores of a scene (see `scenes.load`), each with those of the `parameters` that it has; a
         kite that is free to pitch starts from its trim angle unless they give one.
 
-        ValueError in one sentence for a parameter that neither has.
+        ValueError in one sentence for a parameter that neither has, for a value that is refused, and where there is no
+        trim angle in this wind.
         """
         given = dict(parameters or {})
         structural, aero = scene.structural_core(), scene.aero_core()

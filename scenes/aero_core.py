@@ -35,6 +35,7 @@ class AeroCore(Core):
         self._gamma = None
         self._fresh = True  # no step yet
         self._looked = False  # the present values have been tried without a step
+        self._stall = self._wing.polars.stall_angles()
         self._mirrored_polars = self._wing.polars.mirrored()
         self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
         super().__init__(scene.name, tuple(self._declared(content)))
@@ -94,7 +95,7 @@ class AeroCore(Core):
         yield output("tip_span", unit="m", description="distance between the tips' quarter-chord points")
         text = "strips whose angle of attack lies beyond the polar table, where its end value is held"
         yield output("strips_beyond_polar", kind="integer", description=text)
-        text = "strips whose lift falls with the angle of attack"
+        text = "strips beyond the first lift maximum above or minimum below zero angle of attack"
         yield output("stalled_strips", kind="integer", description=text)
         text = "artificial viscosity in the result, in units of (lost lift slope / 2 pi) (chord / width); 0 below stall"
         yield output("stall_viscosity", description=text)
@@ -190,8 +191,8 @@ class AeroCore(Core):
         bound = loads.strips.bound
         self._put("tip_span", np.linalg.norm(bound[-1] - bound[0]))
         self._put("strips_beyond_polar", np.count_nonzero(circulation.outside))
-        falls = (self._wing.polars.lift(circulation.alpha)[1] < 0.0) & (circulation.alpha > 0.0)
-        self._put("stalled_strips", np.count_nonzero(falls))
+        low, high = self._stall
+        self._put("stalled_strips", np.count_nonzero((circulation.alpha < low) | (circulation.alpha > high)))
         self._put("stall_viscosity", circulation.viscosity)
         self._put("residual", circulation.residual)
         self._put("newton_iterations", circulation.newton_iterations)

@@ -5,6 +5,7 @@ import numpy as np
 from structural import canonical_chains, mirror_permutation, mirror_rows
 
 MISFIT = 0.05  # part of the rest length
+TOGETHER = 1e-6  # m, as for mirror images
 
 
 def misfits(nodes, chains):
@@ -23,9 +24,15 @@ def asymmetry(members, chains):
     image = mirror_permutation(nodes)
     if image is None:
         flipped = nodes * np.array([1.0, -1.0, 1.0])
-        gap = np.linalg.norm(nodes[:, None] - flipped[None], axis=2).min(axis=1)
+        distance = np.linalg.norm(nodes[:, None] - flipped[None], axis=2)
+        gap = distance.min(axis=1)
         worst = int(np.argmax(gap))
-        return f"node {labels[worst]} has no mirror image; the nearest is {gap[worst]:.2g} m off"
+        if gap[worst] > TOGETHER:
+            return f"node {labels[worst]} has no mirror image; the nearest is {gap[worst]:.2g} m off"
+        there, here = (
+            np.count_nonzero(np.linalg.norm(nodes[:, None] - p, axis=2) < TOGETHER, axis=1) for p in (flipped, nodes)
+        )
+        return f"at node {labels[int(np.argmax(np.abs(here - there)))]} there are more nodes than at its mirror image"
     odd = np.flatnonzero(np.any(members.fixed != members.fixed[image], axis=1))
     if len(odd):
         return f"nodes {labels[odd[0]]} and {labels[image[odd[0]]]} are not held alike"
@@ -38,4 +45,8 @@ def asymmetry(members, chains):
             if len(odd):
                 e, i = odd[0], rows[odd[0]]
                 return f"{what} of {group.names[e]} is {values[e]:.12g}, of {group.names[i]} {values[i]:.12g}"
+    odd = np.flatnonzero(np.abs(members.mass - members.mass[image]) > 1e-9 * members.mass.max(initial=0.0))
+    if len(odd):
+        a, b = odd[0], image[odd[0]]
+        return f"mass at node {labels[a]} is {members.mass[a]:.6g} kg, at node {labels[b]} {members.mass[b]:.6g} kg"
     return ""

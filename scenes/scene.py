@@ -115,7 +115,10 @@ class Scene:
             if len(alpha) != len(grid) or np.max(np.abs(alpha - grid)) > 1e-9:
                 raise SceneError(f"{label}: polar '{key}' has other angles than the first one; use one list for all.")
             curves[key] = values[1:, rows]
-        if np.abs(grid).max() <= 3.2:
+        if (
+            np.abs(grid).max() <= 3.2
+            and max(np.abs(np.diff(c[0]) / np.diff(grid)).max() for c in curves.values()) > 1.0
+        ):
             raise SceneError(
                 f"{label}: alpha_deg goes from {grid[0]:g} to {grid[-1]:g} only; write degrees, not radians."
             )
@@ -192,9 +195,13 @@ def _struts(folder, content, members):
         row = int(np.flatnonzero(chord == 0.0)[0])
         raise SceneError(f"{table.at(row)}: leading and trailing edge are one point; name two nodes apart.")
     along = np.diff(members.nodes[struts], axis=1)[:, 0] @ np.array(content["aero"]["wind_direction"])
-    if np.any(along <= 0.0):
-        row = int(np.flatnonzero(along <= 0.0)[0])
-        raise SceneError(f"{table.at(row)}: the trailing edge lies upwind of the leading edge; swap the two nodes.")
+    upwind = along < -0.1 * chord * np.linalg.norm(content["aero"]["wind_direction"])
+    if np.any(upwind):
+        row = table.at(int(np.flatnonzero(upwind)[0]))
+        raise SceneError(
+            f"{row}: the trailing edge lies upwind of the leading edge; swap the two nodes or turn wind_direction in "
+            "scene.toml."
+        )
     y = members.nodes[struts, 1].mean(axis=1)
     if np.any(np.diff(y) <= 0.0):
         row = int(np.flatnonzero(np.diff(y) <= 0.0)[0]) + 1

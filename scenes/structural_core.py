@@ -169,7 +169,7 @@ class StructuralCore(Core):
                 rest[self._tape_rows(parameter)] = self._scalar(parameter)
             area = self._members.area
             if "line_modulus" in self._values:
-                k = np.where(area > 0.0, self._scalar("line_modulus") * area / rest, k)
+                k = np.where(area > 0.0, self._scalar("line_modulus") * area / np.where(area > 0.0, rest, 1.0), k)
             chains = with_rest_lengths(self._members.chains, rest, k)
             self._chains = chains, self._mirrored_supports and _symmetric_chains(chains, self._mirror)
         return self._chains

@@ -19,23 +19,25 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
     """Nose-up rotation (rad) about the pivot where air and weight together do not pitch, the moment falling with the
     angle.
 
-    `parameters` override the start values of the cores. Raises `SceneError` where the range given in [trim]
-    holds no such angle.
+    `parameters` override the start values of the cores. Raises `SceneError` where the range given in [trim] holds no
+    such angle, ValueError for a value that a core refuses.
     """
-    core = scene.aero_core()
+    core, structure = scene.aero_core(), scene.structural_core()
     names = {v.name for v in core.variables}
-    declared = {v.name for v in core.variables if v.causality == "parameter"}
     for name, value in parameters.items():
-        if name in declared:
-            core.set(name, value)
-        elif name not in {v.name for v in scene.structural_core().variables}:
+        owners = [c for c in (core, structure) if name in {v.name for v in c.variables if v.causality == "parameter"}]
+        if not owners:
             raise SceneError(f"scene '{scene.name}' has no parameter '{name}'; correct its name.")
+        for owner in owners:
+            owner.set(name, value)
     if scene.pivot is None:
         raise SceneError(f"{scene.name}/scene.toml: [trim] needs [structure] pivot, the node to turn about; add it.")
     members, nodes = scene.members, scene.interface.nodes
     about = members.nodes[scene.pivot]
-    gravity = float(parameters.get("gravity", scene.content["structure"]["gravity"]))
-    weight = gravity * members.mass_with(float(parameters.get("wing_mass", members.wing_mass.sum())))
+    wing_mass = members.wing_mass.sum()
+    if "wing_mass" in {v.name for v in structure.variables}:
+        wing_mass = float(structure.get("wing_mass"))
+    weight = float(structure.get("gravity")) * members.mass_with(wing_mass)
 
     def moment(angle: float) -> float:
         core.set("displacement", rotated(nodes, angle, about) - nodes)
@@ -57,9 +59,10 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
         before = after
     lift = float(core.get("CL")) * float(core.get("wind_speed")) ** 2
     lift *= 0.5 * float(core.get("air_density")) * scene.content["aero"]["reference_area"]
+    sense = " (it rises, so that the angle between is not stable)" if first < 0.0 < before else ""
     raise SceneError(
-        f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees has zero pitching "
-        f"moment about the pivot: air and weight pitch with {first:.4g} N m at the lowest and {before:.4g} N m at the "
-        f"highest, with {weight.sum():.4g} N of weight and {lift:.4g} N of lift there; check masses, diameters and "
-        "polars, or raise wind_speed so that the wind can carry the kite, or widen [trim]."
+        f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees, where the pitching "
+        f"moment about the pivot falls through zero: air and weight pitch with {first:.4g} N m at the lowest and "
+        f"{before:.4g} N m at the highest{sense}, with {weight.sum():.4g} N of weight and {lift:.4g} N of lift there; "
+        "check masses, diameters and polars, or raise wind_speed so that the wind can carry the kite, or widen [trim]."
     )

@@ -34,8 +34,8 @@ __all__ = [
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
 TABLES = ("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv")
 ANGLE = (
-    "Effective angle: chord to the local flow with induced velocity, hence smaller than the angle to the free stream "
-    "(in strip theory, without induced velocity, equal)"
+    "Effective angle: chord to the local flow with induced velocity, hence closer to zero lift than the angle to the "
+    "free stream (in strip theory, without induced velocity, equal)"
 )
 CAPTIONS = {
     "shape": "Flown shape with line tensions, three views to one scale",

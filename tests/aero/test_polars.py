@@ -93,3 +93,15 @@ def test_the_slope_is_the_derivative_of_the_lift():
         difference = (p.lift(np.full(3, a + h))[0] - p.lift(np.full(3, a - h))[0]) / (2.0 * h)
         # rounding 1e-16 / h = 1e-10; cubic term below 1e5 h^2 = 1e-7
         np.testing.assert_allclose(p.lift(np.full(3, a))[1], difference, rtol=0, atol=1e-6)
+
+
+def test_stall_begins_at_the_first_maximum_of_lift_and_stays_whatever_lift_does_later():
+    alpha = np.deg2rad([-40.0, -20.0, -10.0, 0.0, 5.0, 10.0, 15.0, 20.0, 40.0])
+    cl = [
+        [-1.2, -0.9, -1.0, 0.0, 0.5, 1.0, 0.8, 0.7, 1.3],  # separated flow lifts more at 40 degrees than ever before
+        [-4.0, -2.0, -1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 4.0],  # never stalls
+    ]
+    polars = StripPolars.from_tables(alpha, cl, np.zeros((2, 9)), np.zeros((2, 9)), [0.0, 1.0], [0.0, 1.0])
+    low, high = np.rad2deg(polars.stall_angles())
+    assert low == pytest.approx([-10.0, -np.inf])
+    assert high == pytest.approx([10.0, np.inf])

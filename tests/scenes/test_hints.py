@@ -1,8 +1,12 @@
 """Slips that a table allows but a kite does not: refused with what to do, or named when a run ends badly."""
 
+import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import scenes
+from fmus.builder import build
+from master.cli import app
 from master.coupling import Coupling
 from tests.scenes.broken import built, copy_of, edited
 
@@ -114,3 +118,81 @@ def test_elements_far_off_their_rest_length_are_named_with_both_lengths(tmp_path
     for word in ("amain_right has 42.970 m for 4.3", "power_tape has 31.290 m for"):
         assert word in misfits
     assert built("v3_kite")[1].hints()[1] == ""
+
+
+def test_lopsided_masses_are_named(tmp_path):
+    folder = copy_of("v3_kite", tmp_path)
+    edited(folder, "masses.csv", "pulley_a6_left,19,0.1", "pulley_a6_left,19,0.2")
+    asymmetry = built(folder)[1].hints()[1]
+    for word in ("mass at node", "19"):
+        assert word in asymmetry
+
+
+def test_one_node_too_many_is_named_by_its_place(tmp_path):
+    folder = copy_of("v3_kite", tmp_path)
+    row = next(r for r in (folder / "nodes.csv").read_text().splitlines() if r.startswith("21,"))
+    edited(folder, "nodes.csv", row, f"{row}\nextra{row[2:]}")
+    edited(
+        folder,
+        "lines.csv",
+        "A5_right,3 21,2.782",
+        "A5_right,3 21,2.782,0.002\nloop,21 extra,0.1,0.002\nloop_2,3 extra,2.782",
+    )
+    asymmetry = built(folder)[1].hints()[1]
+    for word in ("more nodes", "21"):
+        assert word in asymmetry
+
+
+def test_a_run_that_loses_its_symmetry_says_why_and_leaves_foreign_files_alone(tmp_path):
+    folder = copy_of("v3_kite", tmp_path)
+    edited(folder, "lines.csv", "A5_right,3 21,2.782", "A5_right,3 21,2.783")
+    foreign = tmp_path / "out" / "fmus" / "glider_aero.fmu"
+    own = tmp_path / "out" / "fmus" / "v3_kite_aero.fmu"
+    foreign.parent.mkdir(parents=True)
+    for path in (foreign, own):
+        path.write_text("of an earlier run")
+    words = ["run", str(folder), "--backend", "in-process", "--no-report", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, [*words, "--max-iterations", "3"])
+    assert done.exit_code == 1
+    assert "not symmetric: rest length of A5_right is 2.783" in " ".join(done.output.split())
+    assert (foreign.exists(), own.exists()) == (True, False)
+
+
+def test_trim_angle_is_found_unless_it_is_given():
+    kite, plate = scenes.load("v3_kite"), scenes.load("typical_section")
+    wind = {"wind_speed": 9.0}
+    assert kite.with_trim(wind) == {**wind, "trim_angle": kite.trim_angle(wind)}
+    assert wind == {"wind_speed": 9.0}
+    assert kite.with_trim({**wind, "trim_angle": 0.3})["trim_angle"] == 0.3
+    assert plate.with_trim(wind) == wind
+    with pytest.raises(scenes.SceneError, match="no trim angle"):
+        Coupling.in_process(kite, {"wind_speed": 1.5})
+
+
+@pytest.mark.parametrize("value", [None, [1.0, 2.0], np.array([9.81]), "x", float("nan"), 1e9], ids=str)
+@pytest.mark.parametrize("entry", ["in_process", "build", "trim_angle"])
+def test_bad_values_are_refused_in_one_sentence_before_anything_is_trimmed(entry, value, tmp_path):
+    kite = scenes.load("v3_kite")
+    call = {
+        "in_process": lambda given: Coupling.in_process(kite, given),
+        "build": lambda given: build(kite, tmp_path, given),
+        "trim_angle": kite.trim_angle,
+    }[entry]
+    with pytest.raises(ValueError, match="gravity"):
+        call({"gravity": value})
+
+
+def test_stalled_strips_are_counted_beyond_their_stall_also_where_lift_rises_again():
+    kite = scenes.load("v3_kite", {"chord": "design"})
+    air = kite.aero_core()
+    counts = []
+    for degrees in (5.0, 25.0, 40.0):
+        a = np.deg2rad(degrees)
+        air.set("wind_direction", [np.cos(a), 0.0, np.sin(a)])
+        air.step(0.0, 0.0)
+        low, high = kite.strip_polars().stall_angles()
+        beyond = (air.get("alpha") > high) | (air.get("alpha") < low)
+        counts.append(int(air.get("stalled_strips")))
+        assert counts[-1] == np.count_nonzero(beyond)
+    assert counts[0] == 0
+    assert min(counts[1:]) >= 5
