@@ -171,12 +171,13 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
     for tape, elements in scene.content["structure"].get("tapes", {}).items():
         if tape in blocks:
             rest[[members.names.index(name) for name in elements]] = float(blocks[tape])
-    length = [np.linalg.norm(np.diff(position[nodes], axis=0), axis=1).sum() for nodes in chains]
+    legs = [np.linalg.norm(np.diff(position[group.nodes], axis=1), axis=2) for group in members.chains]
+    length = np.concatenate([leg.sum(axis=1) for leg in legs])
     two_way = np.concatenate([group.two_way for group in members.chains])
     supports = members.fixed.any(axis=1)
     return Frame(
         members.labels, members.nodes, undeformed, position, supports,
-        members.names, chains, blocks["tension"], two_way, rest, np.array(length),
+        members.names, chains, blocks["tension"], two_way, rest, length,
     )  # fmt: skip
 
 

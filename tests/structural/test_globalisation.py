@@ -20,7 +20,7 @@ def test_saddle_net_reaches_equilibrium(g, two_way, ratio):
     # 3 to 49 seen, a plain Newton method fails at g = 5 and 31, a peer needs 900. Where fine nets of springs buckle
     # there are many wrinkled equilibria in long curved valleys: up to 166 seen, and rounding decides which is met
     buckled = two_way and ratio == 0.9 and g > 13
-    assert result.iterations <= (300 if buckled else 80)
+    assert result.iterations <= (200 if buckled else 60)
     energy = chain_energy(result.x, s.chains[0])
     assert energy < chain_energy(s.nodes, s.chains[0])
 

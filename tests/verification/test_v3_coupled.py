@@ -68,7 +68,8 @@ def test_every_scheme_that_converges_finds_the_same_branch(line_drag, equilibria
         assert factors[speed][1] < 1.0  # explicit is relaxation by one, beyond the critical factor
         outcome = solve(coupling, ConstantRelaxation(1.0), max_iterations=60)
         apart = float(coupling.aero.get("tip_span")) - float(equilibria[speed][3]["tip_span"])
-        assert outcome.status != "converged" or abs(apart) > 1.0  # m: driven off, it may end with folded tips
+        # driven off, with line drag it ends with folded tips, more than 1 m closer together
+        assert outcome.status != "converged" or (line_drag["line_drag"] == "on" and apart < -1.0)
         return
     scheme = {"aitken": Aitken(0.5), "explicit": ConstantRelaxation(1.0)}.get(name)
     # Half the critical factor: well inside, and from the trim start itself.
