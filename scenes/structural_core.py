@@ -117,16 +117,6 @@ class StructuralCore(Core):
         text = "whether the last solve was of one half"
         yield output("symmetry_used", kind="boolean", start=float(start and self._mirror is not None), description=text)
 
-    @property
-    def element_names(self):
-        """Names of the elements in the order of the block `tension`."""
-        return self._members.names
-
-    @property
-    def node_names(self):
-        """Names of the nodes in the order of the block `position`."""
-        return self._members.labels
-
     def hints(self):
         """What looks odd with the present parameters: misfits of the design shape, and what breaks its symmetry."""
         from .checks import asymmetry, misfits
@@ -205,7 +195,7 @@ class StructuralCore(Core):
             raise StepFailed(
                 f"static equilibrium not found in {result.iterations} Newton iterations ({result.status}): "
                 f"{result.residual:.3g} N out of balance, {self._scalar('solver_tolerance'):.3g} N asked for; node "
-                f"{self.node_names[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
+                f"{self._members.labels[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
             )
         self._x = result.x
         self._show(result, chains, loads, symmetric)
