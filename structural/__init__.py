@@ -1,7 +1,9 @@
-"""Structural solver: springs, tension-only lines, ropes over pulleys, follower loads, static equilibrium."""
+"""Structural solver: springs, lines, ropes over pulleys, beams and tubes, follower loads, static equilibrium."""
 
 from .assembly import Assembly
+from .beams import Beams, natural_deformations, reference_axes, section_forces
 from .chains import Chains, tensions
+from .sections import LinearSection
 from .statics import Equilibrium, equilibrium
 from .structure import Loads, Structure, canonical_chains, canonical_panels, mirror_permutation, mirror_rows
 from .surface import (
@@ -15,8 +17,10 @@ from .surface import (
 
 __all__ = [
     "Assembly",
+    "Beams",
     "Chains",
     "Equilibrium",
+    "LinearSection",
     "Loads",
     "Structure",
     "area_vectors",
@@ -28,6 +32,9 @@ __all__ = [
     "line_load_forces_and_tangents",
     "mirror_permutation",
     "mirror_rows",
+    "natural_deformations",
+    "reference_axes",
+    "section_forces",
     "surface_forces",
     "surface_forces_and_tangents",
     "tensions",

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from .assembly import Assembly
+from .beams import Beams
 from .chains import Chains
 from .structure import Loads
 
@@ -19,14 +20,17 @@ SOFTEST = 1e-6
 PIVOT = 0.01
 # Steps refused one after the other, and cuts of one step, before giving up.
 MOST_REJECTIONS, MOST_CUTS = 30, 12
+# Largest turn of a frame in one Newton step, rad.
+TURN_LIMIT = 0.5
 # After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
 SHORT_STEPS, BURST = 3, 10
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N met on the way, and
-    in how many directions the converged equilibrium is unstable under its loads (0: it is stable).
+    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N met on the way, in
+    how many directions the converged equilibrium is unstable under its loads (0: it is stable), and the `rotations`
+    (r,3,3) of the frames, None without any. The norm takes moments in N m beside forces in N.
     """
 
     x: np.ndarray
@@ -34,6 +38,7 @@ class Equilibrium:
     iterations: int
     residuals: tuple[float, ...]
     unstable_modes: int = 0
+    rotations: np.ndarray | None = None
 
     @property
     def converged(self):
@@ -55,6 +60,8 @@ def equilibrium(
     rtol: float = 0.0,
     max_iterations: int = 400,
     step_limit: float = 1.0,
+    beams: tuple[Beams, ...] | None = None,
+    rotations: np.ndarray | None = None,
 ) -> Equilibrium:
     """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
 
@@ -66,9 +73,14 @@ def equilibrium(
     the mean stiffness: the shift mu is tied to the residual and adapts to how well the step did (Levenberg-Marquardt;
     quadratic convergence at the end also with mechanisms), and a step is shortened until the out-of-balance force
     along it no longer grows. For tension-only members under dead loads that is a line search on a convex energy, and
-    it needs no energy, so follower loads may take part. No step moves a node by more than `step_limit` m.
+    it needs no energy, so follower loads may take part. No step moves a node by more than `step_limit` m, or turns it by
+    more than TURN_LIMIT. `beams` replace those of the structure (their sections may change, as the chains' rest lengths
+    do), `rotations` (r,3,3) are those to start from.
     """
-    solve = _Solve(assembly, chains, loads, x0, max(atol, rounding_force(chains)), rtol, max_iterations, step_limit)
+    beams = assembly.structure.beams if beams is None else beams
+    prepared = assembly.prepare(chains, loads, beams)
+    atol = max(atol, rounding_force(chains, beams))
+    solve = _Solve(assembly, prepared, chains, x0, rotations, atol, rtol, max_iterations, step_limit)
     while not solve.finished() and solve.burst():
         pass
     short, patience = 0, SHORT_STEPS
@@ -78,31 +90,38 @@ def equilibrium(
         if short >= patience and not solve.finished():
             better = solve.burst()
             short, patience = 0, SHORT_STEPS if better else 2 * patience
-    x = assembly.unknowns.expand(solve.q)
+    q, rotations = solve.at
     unstable = solve.negative_pivots() if solve.status == "converged" else 0
-    return Equilibrium(x, solve.status, len(solve.norms) - 1, tuple(solve.norms), unstable)
+    x = assembly.positions(q, rotations)
+    return Equilibrium(x, solve.status, len(solve.norms) - 1, tuple(solve.norms), unstable, rotations)
 
 
-def rounding_force(chains):
+def rounding_force(chains, beams=()):
     """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0||."""
-    return 4.0 * np.finfo(float).eps * float(np.sqrt(sum(np.sum((c.k * c.l0) ** 2) for c in chains)))
+    squares = sum(np.sum((c.k * c.l0) ** 2) for c in chains) + sum(np.sum(b.section.EA**2) for b in beams)
+    return 4.0 * np.finfo(float).eps * float(np.sqrt(squares))
 
 
 class _Solve:
-    """State of one static solve: unknowns q, residual r, tangent k, norms met, shift, and why it ended."""
+    """State of one static solve: unknowns and rotations `at`, residual r, tangent k, norms met, shift, why it ended."""
 
-    def __init__(self, assembly, chains, loads, x0, atol, rtol, max_iterations, step_limit):
-        self.assembly, self.prepared = assembly, assembly.prepare(chains, loads)
+    def __init__(self, assembly, prepared, chains, x0, rotations, atol, rtol, max_iterations, step_limit):
+        self.assembly, self.prepared = assembly, prepared
+        self.turning = assembly.unknowns.turning
         self.atol, self.rtol = atol, rtol
         self.max_iterations, self.step_limit = max_iterations, step_limit
         self.softest = SOFTEST * max((float(c.k.max(initial=0.0)) for c in chains), default=0.0)
         self.damping, self.rejected, self.status = 1.0, 0, "max_iterations"
         self.norms = []
-        q = assembly.unknowns.restrict(x0)
-        self._accept(q, assembly.residual_and_tangent(q, self.prepared))
+        at = assembly.unknowns.restrict(x0), assembly.start(rotations)
+        self._accept(at, self._evaluated(at))
 
-    def _accept(self, q, evaluated):
-        self.q = q
+    def _evaluated(self, at):
+        q, rotations = at
+        return self.assembly.residual_and_tangent(q, self.prepared, rotations)
+
+    def _accept(self, at, evaluated):
+        self.at = at
         self.r, self.k, self.external = evaluated
         self.norm = self.assembly.unknowns.norm(self.r)
         self.norms.append(self.norm)
@@ -124,7 +143,7 @@ class _Solve:
 
         By Sylvester's law of inertia for a symmetric tangent; that of follower loads is nearly so.
         """
-        if not len(self.q):
+        if not len(self.r):
             return 0
         try:
             factors = self._factors(SMALLEST_SHIFT * max(self.softest / SOFTEST, self._diagonal().max()), pivot=0.0)
@@ -134,19 +153,19 @@ class _Solve:
 
     def burst(self):
         """Whole Newton steps, BURST at most; if they do not halve the residual, back to where they began and False."""
-        before = self.q, self.r, self.k, self.external, self.norm
+        before = self.at, self.r, self.k, self.external, self.norm
         start = self.norm
         for _ in range(BURST):
             step = self._step(SMALLEST_SHIFT)
-            q = self.q + step
-            self._accept(q, self.assembly.residual_and_tangent(q, self.prepared))
+            at = self.assembly.moved(*self.at, step)
+            self._accept(at, self._evaluated(at))
             if not np.isfinite(self.norm) or self.norm <= 0.1 * start or self.finished():
                 break
         if self.norm < 0.5 * start or self.status == "converged":
             self.damping = 0.0
             return True
         self.status = "max_iterations"
-        self.q, self.r, self.k, self.external, self.norm = before
+        self.at, self.r, self.k, self.external, self.norm = before
         return False
 
     def guarded_step(self):
@@ -163,7 +182,7 @@ class _Solve:
             self.damping = 0.2 * self.damping if self.damping > 1e-8 else 0.0
         elif s < 0.3:
             self.damping = max(4.0 * self.damping, 1e-4)
-        self._accept(self.q + s * step, trial)
+        self._accept(self.assembly.moved(*self.at, s * step), trial)
         return s
 
     def _diagonal(self):
@@ -180,7 +199,7 @@ class _Solve:
 
     def _step(self, mu):
         """Step of the shifted tangent within the step limit; the shift grows until it goes downhill (-r.d > 0)."""
-        scale = max(self.softest, float(self._diagonal().mean()))
+        scale = self._scale()
         while True:
             try:
                 step = self._factors(mu * scale).solve(-self.r)
@@ -192,7 +211,19 @@ class _Solve:
                 step = -self.r / scale
                 break
             mu = max(10.0 * mu, 1e-6)
-        return step * min(1.0, self.step_limit / float(np.abs(step).max()))
+        turn = float(np.abs(step[self.turning]).max(initial=0.0))
+        shift = float(np.abs(step[~self.turning]).max(initial=0.0))
+        return step / max(1.0, shift / self.step_limit, turn / TURN_LIMIT)
+
+    def _scale(self):
+        """Mean stiffness of the translations, N/m; where there are spins, of each kind for its own unknowns (q,)."""
+        diagonal = self._diagonal()
+        if not self.turning.any():
+            return max(self.softest, float(diagonal.mean()))
+        scale = np.empty_like(diagonal)
+        for kind in (self.turning, ~self.turning):
+            scale[kind] = max(self.softest, float(diagonal[kind].mean())) if kind.any() else 0.0
+        return scale
 
     def _along(self, step):
         """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.
@@ -202,7 +233,7 @@ class _Solve:
         slope = float(self.r @ step)
         s = 1.0
         for _ in range(MOST_CUTS):
-            trial = self.assembly.residual_and_tangent(self.q + s * step, self.prepared)
+            trial = self._evaluated(self.assembly.moved(*self.at, s * step))
             slope_new = float(trial[0] @ step)
             if np.isfinite(slope_new):
                 downhill = slope_new < 0.0  # the minimum along the step lies still ahead

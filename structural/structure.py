@@ -1,4 +1,4 @@
-"""A structure: nodes, supports, chains, and the linear map from its nodes to the interface surface."""
+"""A structure: nodes, supports, elements, rigid links, and the linear map from its nodes to the interface surface."""
 
 from dataclasses import dataclass, field
 
@@ -7,6 +7,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.spatial import cKDTree
 
+from .beams import Beams
 from .chains import Chains
 
 
@@ -17,7 +18,9 @@ class Structure:
     `nodes` (n,3) reference positions m, `fixed` (n,3) bool supported directions, `chains` groups of
     elements with equally many nodes, `surface` (s, n) sparse weights with surface nodes = surface @ nodes, `panels`
     (p,4) surface node indices (a triangle repeats its last one), `lines` (k,2) surface nodes of the legs that carry
-    line loads.
+    line loads. `beams` are groups of beams; what turns with their nodes are the `frames` (r,), the node of each
+    (a node has one, or one for each beam that is hinged to it), `clamped` (r,3) bool says about which fixed axes they
+    cannot turn. `riders` (k,) are nodes at a fixed place in a frame: rigid links to the `carriers` (k,), frames.
     """
 
     nodes: np.ndarray
@@ -26,18 +29,34 @@ class Structure:
     surface: sp.csr_array
     panels: np.ndarray
     lines: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
+    beams: tuple[Beams, ...] = ()
+    frames: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    clamped: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
+    riders: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    carriers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+
+    @property
+    def arms(self):
+        """Rigid links (k,3) m from the node of the carrier to the rider in the reference configuration."""
+        return self.nodes[self.riders] - self.nodes[self.frames[self.carriers]]
+
+    @property
+    def unturned(self):
+        """Rotation matrices (r,3,3) of the frames in the reference configuration."""
+        return np.broadcast_to(np.eye(3), (len(self.frames), 3, 3)).copy()
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
     """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels, `dead` (n,3) N on nodes, `line_load` (k,3)
-    N/m on the lines, per current length. None: not there.
+    N/m on the lines, per current length, `moment` (r,3) N m about fixed axes on frames. None: not there.
     """
 
     pressure: np.ndarray
     shear: np.ndarray | None
     dead: np.ndarray
     line_load: np.ndarray | None = None
+    moment: np.ndarray | None = None
 
 
 def mirror_permutation(points, tolerance=1e-6):
@@ -51,77 +70,6 @@ def mirror_permutation(points, tolerance=1e-6):
     if any(len(a) != len(b) for a, b in zip(own, there, strict=True)):
         return None
     return np.array([b[a.index(i)] for i, (a, b) in enumerate(zip(own, there, strict=True))], dtype=int)
-
-
-@dataclass(frozen=True, eq=False)
-class Unknowns:
-    """Which dofs are solved for: x = base + sign * q[index] where index >= 0, so that x.flat = expand(q).
-
-    Without symmetry `index` counts the free dofs. With it only the half y >= 0 is unknown: the other half follows with
-    the sign of y turned, and y = 0 in the plane itself is a consequence, not a support.
-    """
-
-    index: np.ndarray  # (3n,) int, -1 for known dofs
-    sign: np.ndarray  # (3n,) +-1
-    base: np.ndarray  # (3n,) m, known positions
-    first: np.ndarray  # (q,) the dof that stands for each unknown
-    shares: np.ndarray  # (q,) how many dofs each unknown moves: 2 with a mirror image, else 1
-
-    @property
-    def count(self):
-        """Number of unknowns."""
-        return len(self.first)
-
-    def expand(self, q):
-        """Node positions (n,3) from the unknowns (q,)."""
-        x = self.base.copy()
-        free = self.index >= 0
-        x[free] = self.sign[free] * q[self.index[free]]
-        return x.reshape(-1, 3)
-
-    def restrict(self, x):
-        """Unknowns (q,) of node positions (n,3)."""
-        return x.reshape(-1)[self.first]
-
-    def norm(self, r):
-        """Euclidean norm over the free dofs of the whole structure of forces whose generalised values are r (q,).
-
-        A dof and its mirror image share r equally, so that the pair adds r^2 / 2.
-        """
-        return float(np.sqrt(np.sum(r * r / self.shares)))
-
-    def gather(self, f):
-        """Generalised forces (q,) of nodal forces (n,3)."""
-        free = self.index >= 0
-        return np.bincount(self.index[free], (self.sign * f.reshape(-1))[free], minlength=self.count)
-
-
-def unknowns(nodes, fixed, mirror=None, order=None):
-    """Unknowns of a structure with reference `nodes` (n,3), supports `fixed` (n,3), and its `mirror` permutation if
-    any; those of one node stand together, nodes of lower `order` (n,) first.
-    """
-    n = len(nodes)
-    dof = np.arange(3 * n).reshape(n, 3)
-    sign = np.ones((n, 3))
-    master = dof.copy()
-    known = fixed.copy()
-    if mirror is not None:
-        other = (nodes[:, 1] < 0.0) | ((nodes[:, 1] == 0.0) & (mirror < np.arange(n)))
-        in_plane = mirror == np.arange(n)
-        master[other] = dof[mirror[other]]
-        sign[other, 1] = -1.0
-        known |= fixed[mirror]
-        known[in_plane, 1] = True
-    own = (~known) & (master == dof)
-    first = dof[own]
-    if order is not None:
-        first = first[np.argsort(order[first // 3], kind="stable")]
-    number = np.full(3 * n, -1)
-    number[first] = np.arange(len(first))
-    index = np.where(known, -1, number[master])
-    base = np.where(known, nodes, 0.0)
-    shares = np.bincount(index[index >= 0].reshape(-1), minlength=len(first))
-    return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first, shares)
 
 
 def elimination_order(groups, free):

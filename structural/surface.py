@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from .rotations import cross, spin
+
 # int N_i N_j over the unit square, and the corner normals n_j = (x_{j+1} - x_j) x (x_{j-1} - x_j) of a bilinear panel
 # written as sums of x_k x x_l: together A_i = 1/2 sum_kl SHARE[i,k,l] x_k x x_l is int N_i n dA, exactly.
 _MASS = np.array([[4, 2, 1, 2], [2, 4, 2, 1], [1, 2, 4, 2], [2, 1, 2, 4]]) / 36.0
@@ -21,24 +23,15 @@ SHARE = _share_matrix()
 AREA = SHARE.sum(axis=0)
 
 
-def _cross(a, b):
-    """a x b over the last axis; several times faster than numpy.cross on small arrays."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return out
-
-
 def area_vectors(corners):
     """Area vectors m^2 (p,3) of panels with corner points (p,4,3): half the cross product of the diagonals."""
-    return 0.5 * _cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    return 0.5 * cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
 
 
 def corner_shares(corners):
     """Share of every corner in the panel force (p,4), summing to one: int N_i dA over the bilinear panel, along a."""
     c = corners - corners.mean(axis=1, keepdims=True)
-    moments = 0.5 * _cross(c[:, None], (SHARE.reshape(16, 4) @ c).reshape(-1, 4, 4, 3)).sum(axis=2)
+    moments = 0.5 * cross(c[:, None], (SHARE.reshape(16, 4) @ c).reshape(-1, 4, 4, 3)).sum(axis=2)
     a = moments.sum(axis=1)
     return np.einsum("pic,pc->pi", moments, a) / np.einsum("pc,pc->p", a, a)[:, None]
 
@@ -55,14 +48,6 @@ def surface_forces(corners, pressure, shear=None):
     return corner_shares(corners)[:, :, None] * force[:, None, :]
 
 
-def _spin(v):
-    """Matrices [v]x with [v]x w = v x w, (..., 3, 3)."""
-    s = np.zeros((*v.shape[:-1], 3, 3))
-    s[..., 0, 1], s[..., 0, 2], s[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    s[..., 1, 0], s[..., 2, 0], s[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
-    return s
-
-
 def surface_forces_and_tangents(corners, pressure, shear=None):
     """Corner forces N (p,4,3) and their derivative with respect to the corners (p,12,12) N/m (load stiffness, sign +).
 
@@ -72,19 +57,19 @@ def surface_forces_and_tangents(corners, pressure, shear=None):
     c = corners - corners.mean(axis=1, keepdims=True)  # areas and shares do not depend on it; this keeps digits
     y_i = (SHARE.reshape(16, 4) @ c).reshape(-1, 4, 4, 3)  # (p, i, k, 3)
     y = AREA @ c
-    moments = 0.5 * _cross(c[:, None], y_i).sum(axis=2)  # (p, i, 3)
+    moments = 0.5 * cross(c[:, None], y_i).sum(axis=2)  # (p, i, 3)
     a = moments.sum(axis=1)
     a2 = np.einsum("pc,pc->p", a, a)
     w = np.einsum("pic,pc->pi", moments, a) / a2[:, None]
     force = pressure[:, None] * a
-    d_force = -pressure[:, None, None, None] * _spin(y)  # (p, k, 3, 3)
-    y_a = _cross(y, a[:, None])  # (p, k, 3) = d(a.a)/2 / dx_k
+    d_force = -pressure[:, None, None, None] * spin(y)  # (p, k, 3, 3)
+    y_a = cross(y, a[:, None])  # (p, k, 3) = d(a.a)/2 / dx_k
     if shear is not None:
         norm = np.sqrt(a2)
         force = force + shear * norm[:, None]
         d_force = d_force + shear[:, None, :, None] * (y_a / norm[:, None, None])[:, :, None, :]
     # d w_i / d x_k = (y_ik x a + y_k x A_i - 2 w_i y_k x a) / a.a
-    d_w = _cross(y_i, a[:, None, None]) + _cross(y[:, None], moments[:, :, None])
+    d_w = cross(y_i, a[:, None, None]) + cross(y[:, None], moments[:, :, None])
     d_w = (d_w - 2.0 * w[:, :, None, None] * y_a[:, None]) / a2[:, None, None, None]
     tangent = w[:, :, None, None, None] * d_force.transpose(0, 2, 1, 3)[:, None]  # (p, i, 3, k, 3)
     tangent = tangent + force[:, None, :, None, None] * d_w[:, :, None, :, :]
