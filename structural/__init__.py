@@ -14,6 +14,7 @@ from .surface import (
     surface_forces,
     surface_forces_and_tangents,
 )
+from .tubes import breukels_tube, collapse_deflection, inflatable_tube, tip_load, torque
 
 __all__ = [
     "Assembly",
@@ -24,10 +25,13 @@ __all__ = [
     "Loads",
     "Structure",
     "area_vectors",
+    "breukels_tube",
     "canonical_chains",
     "canonical_panels",
+    "collapse_deflection",
     "corner_shares",
     "equilibrium",
+    "inflatable_tube",
     "line_load_forces",
     "line_load_forces_and_tangents",
     "mirror_permutation",
@@ -38,4 +42,6 @@ __all__ = [
     "surface_forces",
     "surface_forces_and_tangents",
     "tensions",
+    "tip_load",
+    "torque",
 ]

@@ -16,9 +16,10 @@ class CarriedElements:
         self._size, self._weight, self._unknowns = 3 * m, weight, unknowns
         of_nodes = sp.csr_array(surface)[corners.reshape(-1)]
         self._corner_map = of_nodes
-        free = unknowns.index >= 0
-        shape = len(unknowns.index), unknowns.count
-        dofs = sp.csr_array((unknowns.sign[free], (np.flatnonzero(free), unknowns.index[free])), shape=shape)
+        index, sign = (a[: len(unknowns.base)] for a in (unknowns.index, unknowns.sign))
+        free = index >= 0
+        shape = len(index), unknowns.count
+        dofs = sp.csr_array((sign[free], (np.flatnonzero(free), index[free])), shape=shape)
         # constant derivative (3 m e, q) of the corner coordinates with respect to the unknowns
         self._slope = sp.csr_array(sp.kron(of_nodes, sp.identity(3), format="csr") @ dofs)
         self._gather = sp.csr_array(self._slope.multiply(np.repeat(weight, self._size)[:, None]).T)

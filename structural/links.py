@@ -42,9 +42,7 @@ class RigidLinks:
 
     def place(self, x, rotations, frames):
         """Put the riders of the positions x (n,3) m where they belong."""
-        x[self._riders] = x[frames[self._carriers]] + np.einsum(
-            "kij,kj->ki", rotations[self._carriers], self._arms
-        )
+        x[self._riders] = x[frames[self._carriers]] + np.einsum("kij,kj->ki", rotations[self._carriers], self._arms)
 
     def forces(self, wide, factors):
         """Generalised forces (q,) of those (w,) with free riders."""
@@ -88,7 +86,5 @@ class RigidLinks:
         second = 0.5 * (arm[:, :, None] * unit[:, None, :] + unit[:, :, None] * arm[:, None, :])
         second -= arm[np.arange(len(row)), axis][:, None, None] * np.eye(3)
         second *= force[:, None, None] * self._block_sign
-        values = np.concatenate(
-            [data[self._source] * f[self._by_row] * f[self._by_column], second[self._block_keep]]
-        )
+        values = np.concatenate([data[self._source] * f[self._by_row] * f[self._by_column], second[self._block_keep]])
         return np.bincount(target, values, minlength=nnz)

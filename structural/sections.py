@@ -17,7 +17,7 @@ _TWIST[1, 4] = _TWIST[4, 1] = -1.0
 _TWIST[2, 3] = _TWIST[3, 2] = 1.0
 
 
-def _shortening(mu):
+def shortening(mu):
     """Second derivatives (e,6,6) of (delta - u) / l0, from mu (e,2) of the two planes."""
     q = np.zeros((len(mu), 6, 6))
     for plane, (i, j) in enumerate(_PLANES):
@@ -26,7 +26,7 @@ def _shortening(mu):
     return q
 
 
-def _coupled(natural, l0, q, axial, bending, torsion):
+def coupled(natural, l0, q, axial, bending, torsion):
     """Forces (e,6) and tangents (e,6,6) in the natural deformations.
 
     `axial` and `torsion` are functions of delta (e,) and psi (e,) that give force and slope, `bending` of
@@ -51,6 +51,14 @@ def _coupled(natural, l0, q, axial, bending, torsion):
     tangent += (n * l0)[:, None, None] * q + t[:, None, None] * _TWIST
     tangent[:, 1:5, 1:5] += m_slope
     return force, tangent.reshape(e, 6, 6)
+
+
+def linear_shear(theta, ei, l0, shear):
+    """End moments (e,4) of isotropic Timoshenko beams at rotations (e,4): EI (e,) and 12 EI / (kGA l0^2) (e,)."""
+    unit = ei / (l0 * (1.0 + shear))
+    first, second = theta[:, :2], theta[:, 2:]
+    near, far = (unit * (4.0 + shear))[:, None], (unit * (2.0 - shear))[:, None]
+    return np.concatenate([near * first + far * second, far * first + near * second], axis=1)
 
 
 class Section:
@@ -90,8 +98,8 @@ class LinearSection(Section):
             unit = ei / (l0 * (1.0 + shear[plane]))
             k[:, i, i] = k[:, j, j] = unit * (4.0 + shear[plane])
             k[:, i, j] = k[:, j, i] = unit * (2.0 - shear[plane])
-        q = _shortening(1.0 / (1.0 + np.stack(shear, axis=1)) ** 2)
-        return _coupled(
+        q = shortening(1.0 / (1.0 + np.stack(shear, axis=1)) ** 2)
+        return coupled(
             natural,
             l0,
             q,

@@ -79,7 +79,8 @@ def equilibrium(
     """
     beams = assembly.structure.beams if beams is None else beams
     prepared = assembly.prepare(chains, loads, beams)
-    atol = max(atol, rounding_force(chains, beams))
+    reach = float(np.abs(assembly.structure.nodes).max(initial=0.0))
+    atol = max(atol, rounding_force(chains, beams, reach))
     solve = _Solve(assembly, prepared, chains, x0, rotations, atol, rtol, max_iterations, step_limit)
     while not solve.finished() and solve.burst():
         pass
@@ -96,9 +97,13 @@ def equilibrium(
     return Equilibrium(x, solve.status, len(solve.norms) - 1, tuple(solve.norms), unstable, rotations)
 
 
-def rounding_force(chains, beams=()):
-    """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0||."""
-    squares = sum(np.sum((c.k * c.l0) ** 2) for c in chains) + sum(np.sum(b.section.EA**2) for b in beams)
+def rounding_force(chains, beams=(), reach=0.0):
+    """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0||.
+
+    For beams, which may be much shorter than their coordinates (at most `reach` m), 4 eps ||EA max(1, reach / l0)||.
+    """
+    squares = sum(np.sum((c.k * c.l0) ** 2) for c in chains)
+    squares += sum(np.sum((b.section.EA * np.maximum(1.0, reach / b.l0)) ** 2) for b in beams)
     return 4.0 * np.finfo(float).eps * float(np.sqrt(squares))
 
 
