@@ -56,6 +56,11 @@ class SectionFlow:
     viscosity: np.ndarray | None = None
     far_speed: np.ndarray | None = None
     from_middle: bool = False
+    shift: np.ndarray | None = None
+
+    def polar_angle(self, alpha):
+        """Angles (n,) rad at which the polars are read: alpha, and the `shift` that a changed camber makes."""
+        return alpha if self.shift is None else alpha + self.shift
 
     def imbalance(self, gamma):
         """F (n,), and the state that the Jacobian and the result need."""
@@ -68,7 +73,7 @@ class SectionFlow:
         vn = np.einsum("ik,ik->i", v, g.normal)
         vt = np.einsum("ik,ik->i", v, g.tangent)
         alpha = np.arctan2(vn, vt)
-        cl, slope, outside = self.polars.lift(alpha)
+        cl, slope, outside = self.polars.lift(self.polar_angle(alpha))
         effective = speed if self.far_speed is None else speed**2 / self.far_speed
         f = gamma - 0.5 * g.chord * effective * cl
         if self.viscosity is not None:
@@ -184,7 +189,7 @@ def _pseudo_time(flow, gamma, scale, patience):
 def attached_start(flow):
     """Circulation (n,) of the linear problem with every section at its lift slope of alpha = 0: the attached branch."""
     g = flow.strips
-    cl0, slope, _ = flow.polars.lift(np.zeros(len(g.chord)))
+    cl0, slope, _ = flow.polars.lift(flow.polar_angle(np.zeros(len(g.chord))))
     free = flow.free_stream
     across = free - (g.span @ free)[:, None] * g.span
     speed = np.sqrt(np.einsum("ik,ik->i", across, across))

@@ -11,22 +11,60 @@ _MASS = np.array([[4, 2, 1, 2], [2, 4, 2, 1], [1, 2, 4, 2], [2, 1, 2, 4]]) / 36.
 class SurfaceGrid:
     """How the strips lie on the interface mesh.
 
-    `sections` (n+1, 3) node indices of leading edge, middle and trailing edge station of each section, `fractions`
-    (3,) of the chord where they stand, `panels` (2n, 4): the fore panels of all strips, then the aft ones, with the
-    corners (fore, aft) of the strip's first section, then (aft, fore) of its second, so that area vectors point to
-    suction.
+    `sections` (n+1, k+1) node indices of the stations of each section from leading to trailing edge, `fractions`
+    (k+1,) of the chord where they stand, k >= 2; `panels` (k n, 4): the foremost panels of all strips, then the next
+    ones, with the corners (fore, aft) of the strip's first section, then (aft, fore) of its second, so that area
+    vectors point to suction.
     """
 
     sections: np.ndarray
     fractions: np.ndarray
 
     @property
+    def rows(self):
+        """Number k of panels along the chord."""
+        return len(self.fractions) - 1
+
+    @property
     def panels(self):
-        """Node indices (2n, 4)."""
+        """Node indices (k n, 4)."""
         first, second = self.sections[:-1], self.sections[1:]
-        return np.concatenate(
-            [np.stack([first[:, c], first[:, c + 1], second[:, c + 1], second[:, c]], axis=1) for c in (0, 1)]
-        )
+        corners = [[first[:, c], first[:, c + 1], second[:, c + 1], second[:, c]] for c in range(self.rows)]
+        return np.concatenate([np.stack(four, axis=1) for four in corners])
+
+    @property
+    def shapes(self):
+        """Shares (2, k) of the panels in a flat plate's load and in that of a parabolic camber at zero incidence.
+
+        Thin-airfoil theory, with x / c = (1 - cos theta) / 2: lift up to theta (theta + sin theta) / pi, centred at a
+        quarter chord, and (2 theta - sin 2 theta) / 2 pi, centred at half. With two panels a combination of both is
+        any load of the two, so that they are taken one each.
+        """
+        if self.rows == 2:
+            return np.eye(2)
+        theta = np.arccos(1.0 - 2.0 * np.clip(self.fractions, 0.0, 1.0))
+        plate = np.diff((theta + np.sin(theta)) / np.pi)
+        camber = np.diff((2.0 * theta - np.sin(2.0 * theta)) / (2.0 * np.pi))
+        return np.stack([plate / plate.sum(), camber / camber.sum()])
+
+    def camber(self, sections, normal):
+        """Change of zero-lift angle (n,) rad and of c_m about the quarter chord (n,) by the camber of the strips.
+
+        `sections` (n+1,k+1,3) m are the stations in the present shape, `normal` (n,3) of the strips; the heights over
+        the chord, mean of both sections, are taken as changes of the camber line with straight pieces between the
+        stations. Thin-airfoil theory: alpha_0 = -int dz/dx (cos theta - 1) dtheta / pi, c_m = -pi (A_1 - A_2) / 4 with
+        A_n = 2 int dz/dx cos(n theta) dtheta / pi.
+        """
+        chord = sections[:, -1] - sections[:, 0]
+        length = np.sqrt(np.einsum("ik,ik->i", chord, chord))
+        line = sections[:, 0, None] + self.fractions[:, None] * chord[:, None]
+        off = (sections - line) / length[:, None, None]
+        height = np.einsum("ijk,ik->ij", 0.5 * (off[:-1] + off[1:]), normal)
+        slope = np.diff(height, axis=1) / np.diff(self.fractions)
+        theta = np.arccos(1.0 - 2.0 * np.clip(self.fractions, 0.0, 1.0))
+        zero_lift = -slope @ np.diff(np.sin(theta) - theta) / np.pi
+        first, second = (2.0 / np.pi * (slope @ np.diff(np.sin(k * theta) / k)) for k in (1, 2))
+        return zero_lift, -0.25 * np.pi * (first - second)
 
 
 @dataclass(frozen=True, eq=False)

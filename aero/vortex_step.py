@@ -9,14 +9,14 @@ from .circulation import Circulation, SectionFlow, attached_start, solve
 from .influence import CORE_FRACTION, control_influence, folded, wake_influence
 from .polars import StripPolars
 from .strips import Strips, strips_between, unit
-from .surface_loads import SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
+from .surface_loads import PanelGeometry, SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
 
 
 @dataclass(frozen=True, eq=False)
 class WingLoads:
-    """Loads on n strips and 2n panels for one shape in one wind.
+    """Loads on n strips and k n panels for one shape in one wind.
 
-    `pressure` (2n,) Pa, `shear` (2n,3) Pa or None; per strip: `force` (n,3) N acting at `point` (n,3) m with the couple
+    `pressure` (k n,) Pa, `shear` (k n,3) Pa or None; per strip: `force` (n,3) N acting at `point` (n,3) m with the couple
     `moment` (n,3) N m, `alpha` (n,) rad, `circulation`. `strips` is the geometry that was used.
     """
 
@@ -47,6 +47,8 @@ class VortexStep:
     or at the "control" point, as Damiani et al. (2019) and the Vortex-Step-Method code do, which adds drag.
     `circulation_speed` chooses the speed of
     gamma = lift / (rho speed): the "local" one (Kutta-Joukowski), or the "far" one of the same authors.
+    With `camber` the stations between leading and trailing edge change the polars as thin-airfoil theory says
+    (`SurfaceGrid.camber`): the zero-lift angle moves the whole polar, and the pitching moment gets its share.
     `section_force` "lift-drag" reads the polars as cl and cd; "normal" reads cl as c_n of a thin plate that carries
     pressure only: no shear then. `follow` see `pressure_and_shear`.
     """
@@ -60,6 +62,7 @@ class VortexStep:
     follow: bool = False
     circulation_speed: Literal["local", "far"] = "local"
     core_fraction: float = CORE_FRACTION
+    camber: bool = False
     mirror: np.ndarray = field(init=False)
     _panels: np.ndarray = field(init=False)
 
@@ -79,19 +82,23 @@ class VortexStep:
         With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored.
         """
         sections = nodes[self.grid.sections]
-        strips = strips_between(sections[:, 0], sections[:, 2])
+        strips = strips_between(sections[:, 0], sections[:, -1])
+        zero_lift, extra = self.grid.camber(sections, strips.normal) if self.camber else (None, None)
         wind = np.asarray(wind, float)
         wake = wind / np.linalg.norm(wind)
         n = len(strips.chord)
         rows = slice(n // 2, n) if symmetric else slice(0, n)
-        flow, part = self._flow(strips, wind, wake, rows, symmetric)
+        flow, part = self._flow(strips, wind, wake, rows, symmetric, zero_lift)
         circulation = self._solve(flow, None if start is None else start[rows])
         force, moment = self._section_loads(flow, circulation, strips, part, rows, symmetric, wake)
+        if extra is not None:
+            q_area = 0.5 * self.density * circulation.speed**2 * part.chord * part.width
+            moment = moment + q_area * part.chord * extra[rows]
         if symmetric:
             circulation, force, moment = _whole(circulation, force, moment, n)
         return self._on_surface(nodes, strips, force, moment, circulation)
 
-    def _flow(self, strips, wind, wake, rows, symmetric):
+    def _flow(self, strips, wind, wake, rows, symmetric, zero_lift=None):
         part = _part(strips, rows)
         influence = None
         if self.induction:
@@ -103,7 +110,9 @@ class VortexStep:
         if self.circulation_speed == "far":
             across = wind - (part.span @ wind)[:, None] * part.span
             far = np.sqrt(np.einsum("ik,ik->i", across, across))
-        return SectionFlow(influence, wind, part, self.polars.of(rows), far_speed=far, from_middle=middle), part
+        shift = None if zero_lift is None else -zero_lift[rows]
+        polars = self.polars.of(rows)
+        return SectionFlow(influence, wind, part, polars, far_speed=far, from_middle=middle, shift=shift), part
 
     @staticmethod
     def _solve(flow, start):
@@ -111,7 +120,7 @@ class VortexStep:
 
     def _section_loads(self, flow, circulation, strips, part, rows, symmetric, wake):
         """Force (p,3) N and pitching moment (p,) N m of the solved strips."""
-        cl, cd, cm = flow.polars.all(circulation.alpha)
+        cl, cd, cm = flow.polars.all(flow.polar_angle(circulation.alpha))
         q_area = 0.5 * self.density * circulation.speed**2 * part.chord * part.width
         moment = q_area * part.chord * cm
         if self.section_force == "normal":
@@ -129,24 +138,29 @@ class VortexStep:
         return (q_area * cl)[:, None] * lift + (q_area * cd)[:, None] * drag, moment
 
     def _on_surface(self, nodes, strips, force, moment, circulation):
-        n = len(moment)
-        f0, f1, f2 = self.grid.fractions
-        fractions = np.repeat([[f0, f1, f1, f0], [f1, f2, f2, f1]], n, axis=0)
+        n, k = len(moment), self.grid.rows
+        f = self.grid.fractions
+        fractions = np.repeat(np.stack([f[:-1], f[1:], f[1:], f[:-1]], axis=1), n, axis=0)
         panels = panel_geometry(nodes[self._panels], fractions)
-        fore, aft = (_rows(panels, slice(k * n, (k + 1) * n)) for k in (0, 1))
+        shapes = self.grid.shapes
+        fore, aft = (_weighed(panels, shape, n) for shape in shapes)
         steady, couple, point, turning = two_panel_loads(force, moment, strips.span, fore, aft)
+        steady, couple = (np.einsum("sk,sni->kni", shapes, np.stack(both)).reshape(k * n, 3) for both in (steady, couple))
         follow = self.follow or self.section_force == "normal"
-        pressure, shear = pressure_and_shear(np.concatenate(steady), np.concatenate(couple), panels, follow)
+        pressure, shear = pressure_and_shear(steady, couple, panels, follow)
         if self.section_force == "normal":  # what lies along warped panels is dropped: report what is sent
             shear = None
             sent = pressure[:, None] * panels.area
-            arms = panels.centroid - np.concatenate([point, point])
-            force, turning = (v[:n] + v[n:] for v in (sent, np.cross(arms, sent)))
+            arms = panels.centroid - np.tile(point, (k, 1))
+            force, turning = (v.reshape(k, n, 3).sum(axis=0) for v in (sent, np.cross(arms, sent)))
         return WingLoads(pressure, shear, force, point, turning, circulation, strips)
 
 
-def _rows(panels, rows):
-    return type(panels)(panels.area[rows], panels.area2[rows], panels.centroid[rows], panels.fraction[rows])
+def _weighed(panels, shape, n):
+    """The panels of each strip as one, with the centroid of the load `shape` (k,)."""
+    centroid = np.einsum("k,kni->ni", shape, panels.centroid.reshape(-1, n, 3))
+    fraction = shape @ panels.fraction.reshape(-1, n)
+    return PanelGeometry(panels.area[:n], panels.area2[:n], centroid, fraction)
 
 
 def _part(strips, rows):

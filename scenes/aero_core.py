@@ -31,6 +31,7 @@ class AeroCore(Core):
             direction=content["direction"],
             circulation_speed=content["circulation_speed"],
             section_force=content["section_force"],
+            camber=scene.settings.get("camber_feedback", "off") == "on",
         )
         self._gamma = None
         self._fresh = True  # no step yet
@@ -90,6 +91,9 @@ class AeroCore(Core):
         text = "angle of the mid-span chord to the free stream"
         yield output("alpha_mid", unit="rad", description=text)
         yield output("alpha", (strips,), unit="rad", description="effective angle of attack of each strip")
+        if self._wing.camber:
+            text = "angle by which billowing lifts the polar of each strip (thin-airfoil theory)"
+            yield output("camber_shift", (strips,), unit="rad", description=text)
         yield output("circulation", (strips,), unit="m2/s", description="circulation of each strip")
         yield output("span", unit="m", description="largest extent of the displaced wing across the wind plane (y)")
         yield output("tip_span", unit="m", description="distance between the tips' quarter-chord points")
@@ -192,7 +196,13 @@ class AeroCore(Core):
         self._put("tip_span", np.linalg.norm(bound[-1] - bound[0]))
         self._put("strips_beyond_polar", np.count_nonzero(circulation.outside))
         low, high = self._stall
-        self._put("stalled_strips", np.count_nonzero((circulation.alpha < low) | (circulation.alpha > high)))
+        camber = np.zeros(len(low))
+        if self._wing.camber:
+            sections = nodes[self._interface.sections]
+            camber = -self._wing.grid.camber(sections, loads.strips.normal)[0]
+            self._put("camber_shift", camber)
+        at = circulation.alpha + camber
+        self._put("stalled_strips", np.count_nonzero((at < low) | (at > high)))
         self._put("stall_viscosity", circulation.viscosity)
         self._put("residual", circulation.residual)
         self._put("newton_iterations", circulation.newton_iterations)
@@ -216,6 +226,6 @@ class AeroCore(Core):
         sections = nodes[self._interface.sections]
         n = len(sections)
         middle = 0.5 * (sections[(n - 1) // 2] + sections[n // 2])
-        chord = middle[2] - middle[0]
+        chord = middle[-1] - middle[0]
         up = np.cross(direction, [0.0, 1.0, 0.0])
         return np.arctan2(-chord @ up, chord @ direction)

@@ -88,8 +88,21 @@ def _tapes(value: Any) -> dict[str, list[str]]:
     return value
 
 
+def _values(value: Any) -> dict[str, float]:
+    if not isinstance(value, dict):
+        raise _Wrong("a table of names, each with a number")
+    try:
+        return {name: _number()(v) for name, v in value.items()}
+    except _Wrong:
+        raise _Wrong("a table of names, each with a finite number") from None
+
+
 # The settings that a scene may offer, with the options that have a meaning; None: what the scene makes of it.
-_OPTIONS = {"chord": ("structural", "design"), "line_drag": ("on", "off"), "panels_per_section": None, "variant": None}
+_OPTIONS = {
+    "chord": ("structural", "design"), "line_drag": ("on", "off"), "panels_per_section": None, "variant": None,
+    "canopy_stations": None, "canopy_subdivisions": None, "tube_law": ("breukels", "fabric", "tip-deflection"),
+    "camber_feedback": ("on", "off"), "scale": None,
+}  # fmt: skip
 
 # Section -> key -> (check, default); a default of `...` means that the key must be given.
 _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
@@ -104,9 +117,22 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
         "gravity": (_number(), 9.81),
         "symmetric": (_flag, False),
         "pivot": (_label, None),
+        "hold": (_label, None),
+        "ribs": (_file, None),
+        "tubes": (_file, None),
+        "attachments": (_file, None),
+        "tube_pressure": (_number(), None),
+        "tube_stiffness": (_number(above=0.0), None),
+        "tube_shear_stiffness": (_number(above=0.0), None),
+        "wing_mass": (_number(low=0.0), None),
+        "canopy_stiffness": (_number(above=0.0), None),
+        "canopy_shear_stiffness": (_number(above=0.0), None),
+        "canopy_density": (_number(low=0.0), 0.0),
+        "loads": (_file, None),
+        "load_values": (_values, {}),
         "tapes": (_tapes, {}),
     },
-    "wing": {"struts": (_file, ...), "sections": (_file, ...), "polars": (_file, ...)},
+    "wing": {"struts": (_file, None), "sections": (_file, ...), "polars": (_file, ...)},
     "aero": {
         "method": (_choice("vortex-step"), "vortex-step"),
         "induction": (_flag, True),
@@ -145,9 +171,15 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
     checked: dict[str, Any] = {"settings": options}
     for key, default in (("title", folder.name), ("description", "")):
         checked[key] = str(content.get(key, default))
+    absent = {section for section in ("wing", "aero", "trim") if section not in content and section not in changes}
+    if len(absent & {"wing", "aero"}) == 1 or ("wing" in absent and "trim" not in absent):
+        lacks = sorted(absent - {"trim"})[0]
+        raise SceneError(
+            f"{label} lacks a section [{lacks}]; add it (a scene without flow has neither [wing], [aero] nor [trim])."
+        )
     for section, keys in _KNOWN.items():
         given = content.get(section, {})
-        if section == "trim" and section not in content and section not in changes:
+        if section in absent:
             checked[section] = None
             continue
         if not isinstance(given, dict):
@@ -186,12 +218,13 @@ def _options(label: str, settings: Any) -> dict[str, dict[str, Any]]:
             known = _OPTIONS[key] or choices
             if odd := [c for c in choices if c not in known]:
                 raise SceneError(f"{place} option '{odd[0]}' has no meaning; there are: {', '.join(known)}.")
-        elif isinstance(default, bool) or not isinstance(default, int):
+        elif isinstance(default, bool) or not isinstance(default, int | float):
             raise SceneError(f"{place} default must be a text or a whole number; correct it.")
         else:
+            kind = (int, "a whole number") if isinstance(default, int) else (int | float, "a number")
             for bound in ("minimum", "maximum"):
-                if isinstance(option.get(bound, 1), bool) or not isinstance(option.get(bound, 1), int):
-                    raise SceneError(f"{place} {bound} must be a whole number; correct it.")
+                if isinstance(option.get(bound, 1), bool) or not isinstance(option.get(bound, 1), kind[0]):
+                    raise SceneError(f"{place} {bound} must be {kind[1]}; correct it.")
         _setting(place, default, option)
     return settings
 
@@ -202,10 +235,12 @@ def _setting(place: str, value: Any, option: dict[str, Any]) -> Any:
         if not isinstance(value, str) or value not in option["options"]:
             raise SceneError(f"{place} cannot be '{value}'; choose one of: {', '.join(option['options'])}.")
         return value
+    whole = isinstance(option["default"], int)
     try:
-        number = int(str(value))
+        number = int(str(value)) if whole else float(str(value))
     except ValueError:
-        raise SceneError(f"{place} must be a whole number, not '{value}'; correct it.") from None
+        kind = "a whole number" if whole else "a number"
+        raise SceneError(f"{place} must be {kind}, not '{value}'; correct it.") from None
     low, high = option.get("minimum", 1), option.get("maximum", 100)
     if not low <= number <= high:
         raise SceneError(f"{place} must lie between {low} and {high}; it is {number}.")

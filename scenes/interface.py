@@ -15,8 +15,8 @@ ROUNDING = 1e-12  # of weights of order one
 class Interface:
     """One surface mesh for both solvers.
 
-    `nodes` (n,3) m in the reference configuration, `sections` (s+1, 3) their indices section by section at the
-    `fractions` (3,) of the chord, `panels` (2s, 4), `span` (s+1,) position of each section on the design wing (arc
+    `nodes` (n,3) m in the reference configuration, `sections` (s+1, k+1) their indices section by section at the
+    `fractions` (k+1,) of the chord, `panels` (k s, 4), `span` (s+1,) position of each section on the design wing (arc
     length fraction of the leading edge), `weights` (n, structural nodes): nodes = weights @ structural nodes exactly.
     `lines` (k, 2) are the legs of the lines that stand in the wind, as interface nodes, of `diameter` (k,) m.
     """
@@ -78,6 +78,16 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
     weights.data[np.abs(weights.data) <= ROUNDING] = 0.0
     weights.eliminate_zeros()
     return _interface(points, weights, span)
+
+
+def grid_interface(nodes, grid):
+    """The canopy grid (columns, stations) of structural nodes (n,3) itself: every interface node is one of its nodes."""
+    flat = grid.reshape(-1)
+    weights = sp.csr_array((np.ones(len(flat)), (np.arange(len(flat)), flat)), shape=(len(flat), len(nodes)))
+    sections = np.arange(len(flat)).reshape(grid.shape)
+    fractions = np.linspace(0.0, 1.0, grid.shape[1])
+    panels = SurfaceGrid(sections, fractions).panels
+    return Interface(nodes[flat], sections, fractions, panels, arc_fraction(nodes[grid[:, 0]]), weights)
 
 
 def with_lines(interface, nodes, legs, diameter):

@@ -6,10 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from structural import Chains
 
 from .tables import SceneError, Table, name, names, non_negative, number, positive, read_table
+from .wing_mesh import WingMesh, read_wing_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +21,8 @@ class Members:
 
     `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; `area` (e,) m^2 over all
     elements in the order of the groups, of those whose stiffness follows a modulus, 0 where it is given; `mass` (n,)
-    kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring.
+    kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring. `wing` is
+    the mesh of an inflatable wing where the scene has tubes: beams, canopy grid and rigid links.
     """
 
     nodes: np.ndarray
@@ -28,6 +32,7 @@ class Members:
     area: np.ndarray
     mass: np.ndarray
     wing_mass: np.ndarray
+    wing: WingMesh | None = None
 
     def node(self, label: str, where: str) -> int:
         """Index of a node; raises `SceneError` naming the row `where` it is asked for."""
@@ -79,11 +84,18 @@ class _Element:
     area: float
     two_way: bool
     mass: float
+    fabric: bool = False
 
 
-def read_members(folder: Path, structure: dict[str, Any]) -> Members:
+def read_members(folder: Path, structure: dict[str, Any], settings: dict[str, Any] | None = None) -> Members:
     """All members of the [structure] section, checked: missing and duplicate nodes and names, dangling lines."""
+    settings = settings or {}
     labels, nodes, fixed = _nodes(folder / structure["nodes"])
+    wing = None
+    if structure["tubes"]:
+        wing = _wing(folder, structure, settings, labels, nodes)
+        labels, nodes = wing.labels, wing.nodes
+        fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
     table_index = {label: i for i, label in enumerate(labels)}
     elements: list[_Element] = []
     taken: dict[str, str] = {}
@@ -96,18 +108,70 @@ def read_members(folder: Path, structure: dict[str, Any]) -> Members:
                     )
                 taken[element.name] = where
                 elements.append(element)
+    if wing is not None:
+        elements += [_Element(label, ends, l0, k, 0.0, False, 0.0, True) for label, ends, l0, k in wing.springs]
     if not elements:
         raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
     mass = np.zeros(len(nodes))
-    wing = np.zeros(len(nodes))
+    of_wing = np.zeros(len(nodes)) if wing is None else _wing_masses(folder, structure, wing)
     for e in elements:
         share = _mass_shares(nodes[list(e.nodes)]) * e.mass
-        np.add.at(wing if e.two_way else mass, list(e.nodes), share)
+        np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
     if structure["masses"]:
         _point_masses(folder / structure["masses"], table_index, mass)
-    _check_connected(folder, structure, labels, fixed, elements)
+    _check_connected(folder, structure, labels, fixed, elements, wing)
     groups, area = _grouped(elements)
-    return Members(nodes, fixed, labels, groups, area, mass + wing, wing)
+    members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing)
+    return members if settings.get("scale", 1.0) == 1.0 else _scaled(members, float(settings["scale"]))
+
+
+def _wing(folder, structure, settings, labels, nodes):
+    label = f"{folder.name}/scene.toml"
+    for key in ("ribs", "tube_pressure", "canopy_stiffness", "canopy_shear_stiffness"):
+        if structure[key] is None:
+            raise SceneError(f"{label}: [structure] lacks '{key}', which tubes need; add it.")
+    if structure["tube_pressure"] <= 0.0:
+        raise SceneError(f"{label}: [structure] tube_pressure must be above zero Pa; a tube without it is a rag.")
+    stations, subdivisions = (int(settings.get(f"canopy_{k}", d)) for k, d in (("stations", 6), ("subdivisions", 1)))
+    return read_wing_mesh(folder, structure, labels, nodes, stations, subdivisions)
+
+
+def _wing_masses(folder, structure, wing):
+    """Masses (n,) kg of the wing: the canopy by its area, the rest of `wing_mass` along the tubes (LEI thesis 6.2)."""
+    canopy = float(wing.canopy_mass.sum())
+    total = canopy if structure["wing_mass"] is None else structure["wing_mass"]
+    if total < canopy:
+        raise SceneError(
+            f"{folder.name}/scene.toml: [structure] wing_mass of {total:g} kg is less than the canopy's {canopy:.3g} kg; "
+            "correct wing_mass or canopy_density."
+        )
+    return wing.canopy_mass + (total - canopy) * wing.tube_length / wing.tube_length.sum()
+
+
+def _scaled(members, factor):
+    """A geometrically similar kite: lengths and diameters by the factor, fabrics the same.
+
+    Fabric, and so the wing and point masses, go with the square, lines with the cube of the factor; stiffnesses of
+    springs and fabric stay, those of lines follow their modulus.
+    """
+    wing = members.wing
+    if wing is not None:
+        tubes = replace(wing.tubes, radius=factor * wing.tubes.radius)
+        wing = replace(wing, nodes=factor * wing.nodes, tubes=tubes)
+    groups, start = [], 0
+    for group in members.chains:
+        line = members.area[start : start + len(group.l0)] > 0.0
+        start += len(group.l0)
+        groups.append(replace(group, l0=factor * group.l0, k=np.where(line, factor * group.k, group.k)))
+    return replace(
+        members,
+        nodes=factor * members.nodes,
+        chains=tuple(groups),
+        area=factor**2 * members.area,
+        mass=factor**2 * members.mass,
+        wing_mass=factor**2 * members.wing_mass,
+        wing=wing,
+    )
 
 
 def _nodes(path: Path):
@@ -218,12 +282,19 @@ def _point_masses(path, index, mass):
         mass[index[label]] += t["mass_kg"][row]
 
 
-def _check_connected(folder, structure, labels, fixed, elements):
-    """Every free node needs two elements, or one rope running over it: otherwise a line dangles."""
+def _check_connected(folder, structure, labels, fixed, elements, wing):
+    """Every free node needs two elements, or one rope running over it: otherwise a line dangles. Whatever hangs
+    together must be held somewhere.
+    """
     held = np.zeros(len(labels))
+    joined = [e.nodes for e in elements]
     for e in elements:
         for i, n in enumerate(e.nodes):
-            held[n] += 2.0 if 0 < i < len(e.nodes) - 1 else (1.0 if not e.two_way else 2.0)
+            held[n] += 2.0 if 0 < i < len(e.nodes) - 1 or e.two_way or e.fabric else 1.0
+    if wing is not None:
+        held[wing.tubes.ends] += 2.0
+        held[wing.riders] += 2.0
+        joined += [*map(tuple, wing.tubes.ends), *zip(wing.riders, wing.frames[wing.carriers], strict=True)]
     for n, label in enumerate(labels):
         if held[n] == 0.0 and not fixed[n].all():
             raise SceneError(
@@ -233,6 +304,16 @@ def _check_connected(folder, structure, labels, fixed, elements):
             line = next(e.name for e in elements if n in e.nodes)
             where = f"{folder.name}/{structure['lines']}"
             raise SceneError(f"{where}: line '{line}' dangles at node '{label}'; connect that end or fix the node.")
+    pairs = np.array([pair for nodes in joined for pair in pairwise(nodes)]).T
+    graph = sp.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(labels), len(labels)))
+    count, part = connected_components(graph, directed=False)
+    supported = np.bincount(part, fixed.any(axis=1), minlength=count) > 0.0
+    for n, label in enumerate(labels):
+        if not supported[part[n]] and held[n] > 0.0:
+            raise SceneError(
+                f"{folder.name}/{structure['nodes']}: the part with node '{label}' hangs on no fixed node; connect it "
+                "to the rest or fix one of its nodes."
+            )
 
 
 def _grouped(elements):

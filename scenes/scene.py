@@ -10,7 +10,14 @@ import numpy as np
 from aero import StripPolars
 
 from .description import read_description
-from .interface import Interface, arc_fraction, design_interface, structural_interface, with_lines
+from .interface import (
+    Interface,
+    arc_fraction,
+    design_interface,
+    grid_interface,
+    structural_interface,
+    with_lines,
+)
 from .members import Members, read_members
 from .tables import SceneError, name, number, read_table
 
@@ -36,7 +43,9 @@ class Scene:
         """The interface mesh for the chosen chord and number of strips, with the lines where they have drag."""
         per_bay = int(self.settings.get("panels_per_section", 1))
         nodes = self.members.nodes
-        if self.settings.get("chord", "structural") == "design":
+        if self.members.wing is not None:
+            interface = grid_interface(nodes, self.members.wing.grid)
+        elif self.settings.get("chord", "structural") == "design":
             le, te = self._design()
             interface = design_interface(nodes, self.struts, le, te, per_bay)
         else:
@@ -70,8 +79,9 @@ class Scene:
     @property
     def files(self) -> list[str]:
         """The files in the scene's folder that it is made of, as scene.toml names them for the chosen settings."""
-        structure, wing = self.content["structure"], self.content["wing"]
-        tables = [structure[k] for k in ("nodes", "springs", "canopy", "lines", "masses")] + list(wing.values())
+        structure, wing = self.content["structure"], self.content["wing"] or {}
+        keys = ("nodes", "springs", "canopy", "lines", "masses", "ribs", "tubes", "attachments", "loads")
+        tables = [structure[k] for k in keys] + list(wing.values())
         return ["scene.toml", *(t for t in tables if t)]
 
     @cached_property
@@ -86,8 +96,19 @@ class Scene:
 
         return StructuralCore(self)
 
+    @property
+    def has_flow(self) -> bool:
+        """Whether the scene has an aerodynamic side."""
+        return self.content["aero"] is not None
+
+    def cores(self):
+        """Side -> solver core: structural, and aero where the scene has a flow."""
+        return {"structural": self.structural_core()} | ({"aero": self.aero_core()} if self.has_flow else {})
+
     def aero_core(self):
         """The aerodynamic solver core of this scene."""
+        if not self.has_flow:
+            raise SceneError(f"scene '{self.name}' has no flow: its scene.toml has no [wing] and [aero].")
         from .aero_core import AeroCore
 
         return AeroCore(self)
@@ -162,8 +183,17 @@ def load(scene: str | Path, settings: dict[str, Any] | None = None) -> Scene:
         shown = str(scene)[:80]
         raise SceneError(f"there is no scene '{shown}'; built-in are: {known} (or name a folder with a scene.toml).")
     content, chosen = read_description(folder, settings or {})
-    members = read_members(folder, content["structure"])
-    struts = _struts(folder, content, members)
+    if float(chosen.get("scale", 1.0)) != 1.0 and content["aero"] is not None:
+        content["aero"]["reference_area"] *= float(chosen["scale"]) ** 2
+    members = read_members(folder, content["structure"], chosen)
+    if members.wing is not None:
+        struts = members.wing.grid[:, [0, -1]]
+    elif content["wing"] is None:
+        raise SceneError(
+            f"{folder.name}/scene.toml: a scene without [wing] and [aero] needs [structure] tubes and ribs; add them."
+        )
+    else:
+        struts = _struts(folder, content, members)
     return Scene(folder.name, folder, content, chosen, members, struts)
 
 
@@ -185,6 +215,8 @@ def available() -> list[str]:
 
 def _struts(folder, content, members):
     columns = {"leading_edge_node": name, "trailing_edge_node": name}
+    if content["wing"]["struts"] is None:
+        raise SceneError(f"{folder.name}/scene.toml: [wing] lacks 'struts'; add it.")
     table = read_table(folder / content["wing"]["struts"], columns)
     if len(table) < 2:
         raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two struts; add one.")

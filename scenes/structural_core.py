@@ -1,5 +1,6 @@
 """The structural solver of a scene behind blocks: loads in, interface displacements out."""
 
+from dataclasses import replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -21,7 +22,9 @@ from structural import (
 from .core import Core
 from .interface import rotated
 from .members import with_rest_lengths
+from .point_loads import content_load, read_loads
 from .tables import SceneError
+from .tube_sections import tube_beams, tube_state
 from .variables import StepFailed, Variable
 
 # What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
@@ -32,7 +35,7 @@ ASYMMETRY, LOPSIDED = 1e-9, 1e-6
 class StructuralCore(Core):
     """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
 
-    _hidden = ("_x", "_fresh")
+    _hidden = ("_x", "_fresh", "_rotations")
 
     def __init__(self, scene):
         self._scene = scene
@@ -43,8 +46,10 @@ class StructuralCore(Core):
         self._mirror = mirror_permutation(self._members.nodes)
         self._assemblies: dict[bool, Assembly] = {}
         self._chains = None
+        self._beams = None
+        self._loads = read_loads(scene)
         super().__init__(scene.name, tuple(self._declared()))
-        self._x = self._start_positions()
+        self._x, self._rotations = self._start()
         self._fresh = True
         self._show_shape()
 
@@ -68,7 +73,8 @@ class StructuralCore(Core):
         content, m = self._scene.content["structure"], self._members
         panels, points = len(self._interface.panels), len(self._interface.nodes)
         yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel, follower")
-        if self._scene.content["aero"]["section_force"] != "normal":
+        aero = self._scene.content["aero"]
+        if aero is not None and aero["section_force"] != "normal":
             text = "traction on each interface panel, keeps its global direction"
             yield Variable("shear", (panels, 3), unit="Pa", description=text)
         if len(self._interface.lines):
@@ -85,6 +91,17 @@ class StructuralCore(Core):
             start = self._rest[0][self._tape_rows(parameter)[0]]
             text = "rest length of " + ", ".join(self._tapes[parameter])
             yield tunable(parameter, unit="m", start=start, minimum=1e-3, description=text)
+        if m.wing is not None:
+            text = "pressure in the tubes above that of the air"
+            start = content["tube_pressure"]
+            yield tunable("tube_pressure", unit="Pa", start=start, minimum=100.0, maximum=3e5, description=text)
+        for name, rows in self._loads.items():
+            nodes = ", ".join(m.labels[n] for n, _ in rows)
+            text = f"dead load on each of the nodes {nodes}, in the directions of the scene's table"
+            yield tunable(name, unit="N", start=content_load(self._scene, name), description=text)
+        if content["hold"] is not None:
+            text = "hold roll and yaw: side force and yawing moment on the frame of a node, reported as reactions"
+            yield tunable("hold_roll_and_yaw", kind="boolean", minimum=0.0, maximum=1.0, description=text)
         if m.wing_mass.sum() > 0.0:
             text = "mass of springs and canopy together; their nodes' shares scale with it"
             yield tunable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text)
@@ -107,7 +124,19 @@ class StructuralCore(Core):
         yield output("tension", (len(m.names),), unit="N", description="tension", labels=m.names)
         text = "force of the structure on its supports"
         yield output("support_force", (3,), unit="N", description=text)
-        yield output("slack_lines", kind="integer", description="tension-only elements without tension")
+        if m.wing is not None:
+            text = "elongation of the element over its rest length, negative where slack"
+            yield output("strain", (len(m.names),), description=text, labels=m.names)
+            text = "largest bending moment over the collapse moment"
+            yield output("tube_load", (len(m.wing.tubes.names),), description=text, labels=m.wing.tubes.names)
+            text = "strain of the fabric by normal force and bending"
+            yield output("tube_strain", (len(m.wing.tubes.names),), description=text, labels=m.wing.tubes.names)
+            yield output("collapsed_tubes", kind="integer", description="parts of tubes past their collapse moment")
+        if content["hold"] is not None:
+            text = "moment about the pivot (origin without one) that holds roll and yaw"
+            yield output("holding_moment", (3,), unit="N.m", description=text)
+            yield output("holding_force", unit="N", description="side force (y) that holds roll and yaw")
+        yield output("slack_lines", kind="integer", description="lines without tension")
         yield output("residual", unit="N", description="out-of-balance force over free dofs after the step")
         text = "out-of-balance force of the state before the step under the loads of the step"
         yield output("imbalance_before_step", unit="N", description=text)
@@ -124,32 +153,54 @@ class StructuralCore(Core):
         chains, _ = self._present_chains()
         return misfits(self._members.nodes, chains), asymmetry(self._members, chains)
 
-    def _start_positions(self):
-        nodes = self._members.nodes
+    def _start(self):
+        """Positions (n,3) m, and rotations (r,3,3) of the frames where there are some, to start from."""
+        nodes, wing = self._members.nodes, self._members.wing
         angle = self._scalar("trim_angle") if "trim_angle" in self._values else 0.0
-        if angle == 0.0 or self._pivot is None:
-            return nodes.copy()
-        return rotated(nodes, angle, nodes[self._pivot])
+        turn = self._pivot is not None and angle != 0.0
+        x = rotated(nodes, angle, nodes[self._pivot]) if turn else nodes.copy()
+        if wing is None:
+            return x, None
+        about_y = rotated(np.eye(3), angle, np.zeros(3)).T if turn else np.eye(3)
+        return x, np.repeat(about_y[None], len(wing.frames), axis=0)
 
     def _show_shape(self):
         self._put("position", self._x)
         self._put("displacement", self._interface.weights @ self._x - self._interface.nodes)
         chains, _ = self._present_chains()
         tension = np.concatenate([tensions(self._x, c) for c in chains])
-        two_way = np.concatenate([c.two_way for c in chains])
         self._put("tension", tension)
-        self._put("slack_lines", np.count_nonzero(~two_way & (tension <= 0.0)))
+        self._put("slack_lines", np.count_nonzero((self._members.area > 0.0) & (tension <= 0.0)))
+        if self._members.wing is not None:
+            self._show_wing(chains)
+
+    def _show_wing(self, chains):
+        legs = [np.linalg.norm(np.diff(self._x[c.nodes], axis=1), axis=2).sum(axis=1) for c in chains]
+        self._put("strain", np.concatenate([l / c.l0 - 1.0 for l, c in zip(legs, chains, strict=True)]))
+        load, strain = tube_state(self._x, self._rotations, self._present_beams()[0], self._members.wing.tubes.radius)
+        self._put("tube_load", load)
+        self._put("tube_strain", strain)
+        self._put("collapsed_tubes", np.count_nonzero(load >= 1.0))
 
     def _parameter_changed(self, block):
-        self._chains = None
+        self._chains = self._beams = None
         if self._fresh and block != "trim_angle":
             self._show_shape()
         if block == "trim_angle":
-            self._x = self._start_positions()
+            self._x, self._rotations = self._start()
             self._show_shape()
 
     def _restored(self):
-        self._chains = None
+        self._chains = self._beams = None
+
+    def _present_beams(self):
+        """The groups of beams at the present pressure: none, or one."""
+        if self._members.wing is None:
+            return ()
+        if self._beams is None:
+            content, settings = self._scene.content["structure"], self._scene.settings
+            self._beams = (tube_beams(self._members, content, settings, self._scalar("tube_pressure")),)
+        return self._beams
 
     def _present_chains(self):
         """The chains with the present tape lengths and line modulus, and whether they are mirror-symmetric."""
@@ -168,13 +219,34 @@ class StructuralCore(Core):
     def _mirrored_supports(self):
         return self._mirror is not None and np.array_equal(self._members.fixed, self._members.fixed[self._mirror])
 
-    def _assembly(self, symmetric):
-        assembly = self._assemblies.get(symmetric)
+    def _assembly(self, symmetric, held):
+        assembly = self._assemblies.get((symmetric, held))
         if assembly is None:
             m, i = self._members, self._interface
             structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines)
-            assembly = self._assemblies[symmetric] = Assembly(structure, self._mirror if symmetric else None)
+            if m.wing is not None:
+                w = m.wing
+                fixed, clamped = m.fixed.copy(), np.zeros((len(w.frames), 3), dtype=bool)
+                if held:
+                    node, frame = self._held
+                    fixed[node, 1] = clamped[frame, 2] = True
+                structure = replace(
+                    structure, fixed=fixed, clamped=clamped, beams=self._present_beams(), frames=w.frames,
+                    riders=w.riders, carriers=w.carriers,
+                )  # fmt: skip
+            assembly = Assembly(structure, self._mirror if symmetric else None)
+            self._assemblies[symmetric, held] = assembly
         return assembly
+
+    @cached_property
+    def _held(self):
+        """Node and frame at which roll and yaw can be held."""
+        where = f"{self._scene.name}/scene.toml [structure] hold"
+        node = self._members.node(self._scene.content["structure"]["hold"], where)
+        frames = [] if self._members.wing is None else np.flatnonzero(self._members.wing.frames == node)
+        if len(frames) != 1:
+            raise SceneError(f"{where}: node {self._members.labels[node]} must be one on a tube; name another.")
+        return node, int(frames[0])
 
     def step(self, t: float, dt: float) -> None:
         """Equilibrium under the present loads; the same input again returns the stored output without solving."""
@@ -186,10 +258,16 @@ class StructuralCore(Core):
         shear = self._values.get("shear")
         wing_mass = self._scalar("wing_mass") if "wing_mass" in self._values else 0.0
         weight = self._members.mass_with(wing_mass)[:, None] * np.array([0.0, 0.0, -self._scalar("gravity")])
+        for name, rows in self._loads.items():
+            for node, direction in rows:
+                weight[node] += self._scalar(name) * direction
         loads = Loads(self._values["pressure"], shear, weight, self._values.get("line_load"))
         symmetric = bool(self._values["symmetric"]) and mirrored and self._symmetric_state(loads)
-        assembly = self._assembly(symmetric)
-        result = equilibrium(assembly, chains, loads, self._x, atol=self._scalar("solver_tolerance"))
+        held = "hold_roll_and_yaw" in self._values and bool(self._values["hold_roll_and_yaw"])
+        assembly = self._assembly(symmetric, held)
+        tolerance = self._scalar("solver_tolerance")
+        beams = self._present_beams()
+        result = equilibrium(assembly, chains, loads, self._x, tolerance, beams=beams, rotations=self._rotations)
         if not result.converged:
             moved = np.linalg.norm(result.x - self._x, axis=1)
             raise StepFailed(
@@ -197,9 +275,28 @@ class StructuralCore(Core):
                 f"{result.residual:.3g} N out of balance, {self._scalar('solver_tolerance'):.3g} N asked for; node "
                 f"{self._members.labels[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
             )
-        self._x = result.x
+        self._x, self._rotations = result.x, result.rotations
         self._show(result, chains, loads, symmetric)
+        if "holding_moment" in self._values:
+            self._show_holding(chains, loads, held)
         self._stale = False
+
+    def _show_holding(self, chains, loads, held):
+        """Reactions of the held node and frame: what the free structure is out of balance by."""
+        force, moment = 0.0, np.zeros(3)
+        if held:
+            node, frame = self._held
+            free = self._assembly(False, False)
+            u = free.unknowns
+            q = u.restrict(self._x)
+            r, _ = free.residual(q, free.prepare(chains, loads, self._present_beams()), self._rotations)
+            force = float(r[u.index[3 * node + 1]])
+            turn = float(r[u.index[3 * (len(self._x) + frame) + 2]])
+            about = np.zeros(3) if self._pivot is None else self._members.nodes[self._pivot]
+            arm = self._x[node] - about
+            moment = np.array([-arm[2] * force, 0.0, arm[0] * force + turn])
+        self._put("holding_force", force)
+        self._put("holding_moment", moment)
 
     def _symmetric_state(self, loads):
         """Whether loads and present positions are mirror-symmetric, so that a half model gives the whole answer."""
