@@ -32,6 +32,10 @@ from .variables import StepFailed, Variable
 ASYMMETRY, LOPSIDED = 1e-9, 1e-6
 
 
+# Young's modulus Pa to which lines are softened for the start of a first solve.
+EASED = 1e9
+
+
 class StructuralCore(Core):
     """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
 
@@ -250,7 +254,7 @@ class StructuralCore(Core):
 
     def step(self, t: float, dt: float) -> None:
         """Equilibrium under the present loads; the same input again returns the stored output without solving."""
-        self._fresh = False
+        first, self._fresh = self._fresh, False
         if not self._stale:
             self._put("imbalance_before_step", self._values["residual"])
             return
@@ -267,7 +271,10 @@ class StructuralCore(Core):
         assembly = self._assembly(symmetric, held)
         tolerance = self._scalar("solver_tolerance")
         beams = self._present_beams()
-        result = equilibrium(assembly, chains, loads, self._x, tolerance, beams=beams, rotations=self._rotations)
+        x, rotations = self._x, self._rotations
+        if first and beams:
+            x, rotations = self._eased(assembly, chains, loads, beams)
+        result = equilibrium(assembly, chains, loads, x, tolerance, beams=beams, rotations=rotations)
         if not result.converged:
             moved = np.linalg.norm(result.x - self._x, axis=1)
             raise StepFailed(
@@ -280,6 +287,26 @@ class StructuralCore(Core):
         if "holding_moment" in self._values:
             self._show_holding(chains, loads, held)
         self._stale = False
+
+    def _eased(self, assembly, chains, loads, beams):
+        """Positions and rotations to start the first solve from: the equilibrium with softened lines.
+
+        In the design shape of a full bridle many lines are far off their rest lengths; stiff ones make Newton crawl
+        from kink to kink. Softened to EASED they let the kite find its pose, from where the stiff ones are near. Only
+        the start depends on it.
+        """
+        soft = []
+        start = 0
+        for group in chains:
+            area = self._members.area[start : start + len(group.l0)]
+            start += len(group.l0)
+            k = np.where(area > 0.0, np.minimum(group.k, EASED * area / group.l0), group.k)
+            soft.append(replace(group, k=k))
+        if all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True)):
+            return self._x, self._rotations
+        force = float(np.linalg.norm(loads.dead)) + float(np.abs(loads.pressure).sum())
+        near = equilibrium(assembly, tuple(soft), loads, self._x, max(1e-3, 1e-6 * force), beams=beams, rotations=self._rotations)
+        return (near.x, near.rotations) if near.converged else (self._x, self._rotations)
 
     def _show_holding(self, chains, loads, held):
         """Reactions of the held node and frame: what the free structure is out of balance by."""

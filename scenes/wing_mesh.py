@@ -264,8 +264,6 @@ class _Mesher:
                 for label, (i, j) in (("a", (0, 2)), ("b", (1, 3))):
                     d2 = float(np.sum((p[i] - p[j]) ** 2))
                     add(f"shear_{c}_{k}{label}", corners[i], corners[j], shear * d2 / (chord * span))
-                area = 0.5 * (
-                    np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[0])) + np.linalg.norm(np.cross(p[2] - p[0], p[3] - p[0]))
-                )
+                area = 0.5 * np.linalg.norm(np.cross(p[2] - p[0], p[3] - p[1]))
                 mass[list(corners)] += 0.25 * density * area
         return [tuple(v) for v in springs.values()], mass
