@@ -16,8 +16,8 @@ from .surface_loads import PanelGeometry, SurfaceGrid, panel_geometry, pressure_
 class WingLoads:
     """Loads on n strips and k n panels for one shape in one wind.
 
-    `pressure` (k n,) Pa, `shear` (k n,3) Pa or None; per strip: `force` (n,3) N acting at `point` (n,3) m with the couple
-    `moment` (n,3) N m, `alpha` (n,) rad, `circulation`. `strips` is the geometry that was used.
+    `pressure` (k n,) Pa, `shear` (k n,3) Pa or None; per strip: `force` (n,3) N acting at `point` (n,3) m with the
+    couple `moment` (n,3) N m, `alpha` (n,) rad, `circulation`. `strips` is the geometry that was used.
     """
 
     pressure: np.ndarray
@@ -145,7 +145,9 @@ class VortexStep:
         shapes = self.grid.shapes
         fore, aft = (_weighed(panels, shape, n) for shape in shapes)
         steady, couple, point, turning = two_panel_loads(force, moment, strips.span, fore, aft)
-        steady, couple = (np.einsum("sk,sni->kni", shapes, np.stack(both)).reshape(k * n, 3) for both in (steady, couple))
+        steady, couple = (
+            np.einsum("sk,sni->kni", shapes, np.stack(both)).reshape(k * n, 3) for both in (steady, couple)
+        )
         follow = self.follow or self.section_force == "normal"
         pressure, shear = pressure_and_shear(steady, couple, panels, follow)
         if self.section_force == "normal":  # what lies along warped panels is dropped: report what is sent

@@ -31,15 +31,17 @@ BINARIES = Path("resources", "binaries")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 
 
-def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, Path]:
-    """Paths of `<scene>_structural.fmu` and `<scene>_aero.fmu`, written to `out_dir` (made when missing).
+def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, ...]:
+    """Paths of `<scene>_structural.fmu` and, where the scene has a flow, `<scene>_aero.fmu`, written to `out_dir` (made
+    when missing).
 
     `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU. A kite
     that is free to pitch starts from its trim angle unless they give one; where there is none, SceneError.
     ValueError in one sentence for a parameter that neither has, or for a value that a core refuses.
     """
     given = dict(parameters or {})
-    sides = (("structural", StructuralFmu), ("aero", AeroFmu))
+    sides: tuple[tuple[str, type[CoreFmu]], ...] = (("structural", StructuralFmu), ("aero", AeroFmu))
+    sides = sides if scene.has_flow else sides[:1]
     cores = {side: slave.scene_core(scene) for side, slave in sides}
     names = {side: {v.name for v in core.variables if v.causality == "parameter"} for side, core in cores.items()}
     if unknown := sorted(given.keys() - set().union(*names.values())):
@@ -54,8 +56,7 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
         contents[f"{scene.name}_{side}"] = _scene_fmu(f"{scene.name}_{side}", slave, cores[side], scene, own)
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
-    structural, aero = (_written(out / f"{name}.fmu", content) for name, content in contents.items())
-    return structural, aero
+    return tuple(_written(out / f"{name}.fmu", content) for name, content in contents.items())
 
 
 def _numbers(name: str, value: Any) -> Any:

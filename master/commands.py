@@ -22,6 +22,7 @@ from master.report import (
     write_state,
 )
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, coupled_run, summary
+from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
 
@@ -126,7 +127,7 @@ def list_scenes(name: str | None = None) -> int:
             choices = f" ({' | '.join(map(str, option['options']))})" if "options" in option else ""
             print(f"  setting   {key} = {option['default']}{choices}  {option.get('description', '')}")
         shown = set()
-        for core in (scene.structural_core(), scene.aero_core()):
+        for core in scene.cores().values():
             for v in core.variables:
                 if v.causality == "parameter" and v.name not in shown:
                     shown.add(v.name)
@@ -171,7 +172,7 @@ def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]
     defaults = scenes.load(name)
     settings = {k: v for k, v in assigned.items() if k in defaults.content["settings"]}
     scene = scenes.load(name, settings) if settings else defaults
-    cores = scene.structural_core(), scene.aero_core()
+    cores = tuple(scene.cores().values())
     parameters: dict[str, Any] = {}
     for key, text in assigned.items():
         if key in settings:
@@ -208,8 +209,8 @@ def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> It
             from fmus.builder import build
 
             paths = build(scene, out / "fmus", parameters)
-            structural, aero = (stack.enter_context(FmuParticipant(path)) for path in paths)
-            yield Coupling(structural, aero)
+            structural, *flow = (stack.enter_context(FmuParticipant(path)) for path in paths)
+            yield Coupling(structural, flow[0] if flow else StillAir.beside(structural))
         else:
             yield Coupling.in_process(scene, parameters)
 

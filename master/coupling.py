@@ -11,6 +11,7 @@ import numpy as np
 from master.acceleration import IQNILS, Aitken, ConstantRelaxation, Scheme
 from master.fixed_point import fixed_point
 from master.participants import InProcessParticipant, Participant, StepFailed
+from master.still_air import StillAir
 
 # First relaxation of IQN-ILS: the best factor for one eigenvalue lambda of the coupled map is 1 / (1 - lambda), 0.7 at
 # lambda = -0.5 (the V3 kite at 12 m/s) and 0.15 at -6 (its design chord at 20 m/s); one in between serves both.
@@ -96,8 +97,8 @@ class Coupling:
         trim angle in this wind.
         """
         given = dict(parameters or {})
-        structural, aero = scene.structural_core(), scene.aero_core()
-        known = {v.name for core in (structural, aero) for v in core.variables if v.causality == "parameter"}
+        cores = scene.cores()
+        known = {v.name for core in cores.values() for v in core.variables if v.causality == "parameter"}
         if unknown := sorted(given.keys() - known):
             raise ValueError(f"scene {scene.name} has no parameter {unknown[0]!r}; it has: {', '.join(sorted(known))}.")
 
@@ -106,7 +107,8 @@ class Coupling:
         def participant(core: Any) -> InProcessParticipant:
             return InProcessParticipant(core, {v.name: given[v.name] for v in core.variables if v.name in given})
 
-        return cls(participant(structural), participant(aero))
+        structural = participant(cores["structural"])
+        return cls(structural, participant(cores["aero"]) if "aero" in cores else StillAir.beside(structural))
 
     def set_tolerance(self, newtons: float) -> None:
         """Give the structure the tolerance that the coupling loop needs now, where it has one."""

@@ -81,7 +81,7 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
 
 
 def grid_interface(nodes, grid):
-    """The canopy grid (columns, stations) of structural nodes (n,3) itself: every interface node is one of its nodes."""
+    """The canopy grid (columns, stations) of structural nodes (n,3) itself: its nodes are the interface nodes."""
     flat = grid.reshape(-1)
     weights = sp.csr_array((np.ones(len(flat)), (np.arange(len(flat)), flat)), shape=(len(flat), len(nodes)))
     sections = np.arange(len(flat)).reshape(grid.shape)

@@ -21,8 +21,8 @@ class Members:
 
     `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; `area` (e,) m^2 over all
     elements in the order of the groups, of those whose stiffness follows a modulus, 0 where it is given; `mass` (n,)
-    kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring. `wing` is
-    the mesh of an inflatable wing where the scene has tubes: beams, canopy grid and rigid links.
+    kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring. `wing`
+    is the mesh of an inflatable wing where the scene has tubes: beams, canopy grid and rigid links.
     """
 
     nodes: np.ndarray
@@ -142,8 +142,8 @@ def _wing_masses(folder, structure, wing):
     total = canopy if structure["wing_mass"] is None else structure["wing_mass"]
     if total < canopy:
         raise SceneError(
-            f"{folder.name}/scene.toml: [structure] wing_mass of {total:g} kg is less than the canopy's {canopy:.3g} kg; "
-            "correct wing_mass or canopy_density."
+            f"{folder.name}/scene.toml: [structure] wing_mass of {total:g} kg is less than the canopy's {canopy:.3g} "
+            "kg; correct wing_mass or canopy_density."
         )
     return wing.canopy_mass + (total - canopy) * wing.tube_length / wing.tube_length.sum()
 
@@ -151,8 +151,8 @@ def _wing_masses(folder, structure, wing):
 def _scaled(members, factor):
     """A geometrically similar kite: lengths and diameters by the factor, fabrics the same.
 
-    Fabric, and so the wing and point masses, go with the square, lines with the cube of the factor; stiffnesses of
-    springs and fabric stay, those of lines follow their modulus.
+    All masses go with the square of the factor, as those of the fabric do; stiffnesses of springs and fabric stay,
+    those of lines follow their modulus.
     """
     wing = members.wing
     if wing is not None:

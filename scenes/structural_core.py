@@ -305,7 +305,9 @@ class StructuralCore(Core):
         if all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True)):
             return self._x, self._rotations
         force = float(np.linalg.norm(loads.dead)) + float(np.abs(loads.pressure).sum())
-        near = equilibrium(assembly, tuple(soft), loads, self._x, max(1e-3, 1e-6 * force), beams=beams, rotations=self._rotations)
+        near = equilibrium(
+            assembly, tuple(soft), loads, self._x, max(1e-3, 1e-6 * force), beams=beams, rotations=self._rotations
+        )
         return (near.x, near.rotations) if near.converged else (self._x, self._rotations)
 
     def _show_holding(self, chains, loads, held):

@@ -33,8 +33,8 @@ class WingMesh:
 
     `nodes` (n,3) m and `labels`, those of the tables first; `grid` (columns, stations) node indices of the canopy from
     the left tip to the right one and from leading to trailing edge; `tubes`; `frames` (r,) the node of each frame;
-    `riders` and `carriers` (k,) rigid links; `springs` the canopy as (name, ends, rest length m, stiffness N/m), tension
-    only; `canopy_mass` (n,) kg and `tube_length` (n,) m, the share of each node.
+    `riders` and `carriers` (k,) rigid links; `springs` the canopy as (name, ends, rest length m, stiffness N/m),
+    tension only; `canopy_mass` (n,) kg and `tube_length` (n,) m, the share of each node.
     """
 
     nodes: np.ndarray

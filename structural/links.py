@@ -77,7 +77,7 @@ class RigidLinks:
         return np.concatenate([row, r[keep]]), np.concatenate([column, c[keep]])
 
     def stiffness(self, target, nnz, data, wide_residual, factors, rho):
-        """Data (nnz,) of the reduced tangent from those of the wide one; `target` is where the entries of `pattern` go."""
+        """Data (nnz,) of the reduced tangent from the wide one's; `target` is where the entries of `pattern` go."""
         f = np.concatenate([[1.0], factors])
         row, axis = self._own
         force = wide_residual[self._count :]

@@ -13,7 +13,7 @@ from .sections import Section, coupled, shortening
 
 @dataclass(frozen=True, eq=False)
 class TipDeflectionSection(Section):
-    """Secant law from P = A (1 - exp(-B v / A)), arrays (e,): EI = P / (3 (v - P / kGA)), torque as in `TubeSection`."""
+    """Secant law EI = P / (3 (v - P / kGA)) from P = A (1 - exp(-B v / A)), torque as in `TubeSection`; arrays (e,)."""
 
     EA: np.ndarray
     kGA: np.ndarray
@@ -43,18 +43,25 @@ class TipDeflectionSection(Section):
         shear = 12.0 * ei / (self.kGA * l0 * l0)
         q = shortening(np.repeat(1.0 / (1.0 + shear)[:, None] ** 2, 2, axis=1))
 
+        def ends(odd, even):
+            return np.concatenate([odd - even, odd + even], axis=1)
+
         def bending(theta):
             a, s = 0.5 * (theta[:, 2:] - theta[:, :2]), 0.5 * (theta[:, 2:] + theta[:, :2])
             soft = 1.0 + shear
             even, odd = 2.0 * ei / l0, 6.0 * ei / (l0 * soft)
-            moment = np.concatenate([odd[:, None] * s - even[:, None] * a, odd[:, None] * s + even[:, None] * a], axis=1)
+            moment = np.concatenate(
+                [odd[:, None] * s - even[:, None] * a, odd[:, None] * s + even[:, None] * a], axis=1
+            )
             k = np.zeros((len(l0), 4, 4))
             near, far = 0.5 * (odd + even), 0.5 * (odd - even)
             for i, j in ((0, 2), (1, 3)):
                 k[:, i, i] = k[:, j, j] = near
                 k[:, i, j] = k[:, j, i] = far
             by_even, by_odd = 2.0 / l0, 6.0 / (l0 * soft * soft)
-            by_ei = np.concatenate([by_odd[:, None] * s - by_even[:, None] * a, by_odd[:, None] * s + by_even[:, None] * a], axis=1)
+            by_ei = np.concatenate(
+                [by_odd[:, None] * s - by_even[:, None] * a, by_odd[:, None] * s + by_even[:, None] * a], axis=1
+            )
             along = first / np.where(v > 0.0, v, 1.0)[:, None]
             k[:, :, :2] += (ei_slope[:, None] * by_ei)[:, :, None] * along[:, None, :]
             return moment, k

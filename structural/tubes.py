@@ -92,7 +92,7 @@ def _root_moment(v, a, b):
 
 
 def _collapse_moment(a, b, deflection):
-    """Moment at the collapse deflection, or where the tangent stiffness has fallen to LEAST_LEFT if that comes first."""
+    """Moment at the collapse deflection, or where the tangent stiffness falls to LEAST_LEFT if that comes first."""
     low, high = np.zeros_like(a), np.asarray(deflection, float).copy()
     soft = _root_moment(high, a, b)[1] < LEAST_LEFT * b
     for _ in range(60):
@@ -281,8 +281,8 @@ def _torsion_constants(p, r):
 def breukels_tube(pressure, radius):
     """Sections of tubes at `pressure` Pa with radii (e,) m after the fits of Breukels; see LEAST_RADIUS.
 
-    The shear stiffness is that of the fabric, which torsion measures (GJ = 2 pi r^3 Gt, kGA = pi r Gt = GJ / 2 r^2), and
-    the pressure's p pi r^2 (Fichter 1966); EA = 2 EI / r^2, as for any thin-walled tube. ValueError in one sentence for
+    The shear stiffness is that of the fabric, which torsion measures (GJ = 2 pi r^3 Gt, kGA = pi r Gt = GJ / 2 r^2),
+    and the pressure's p pi r^2 (Fichter 1966); EA = 2 EI / r^2, as for any thin-walled tube. ValueError in one sentence for
     a pressure or a radius that is not above zero, or where the fits give no stiffness.
     """
     radius = np.asarray(radius, float)

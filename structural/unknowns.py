@@ -81,7 +81,7 @@ def unknowns(structure, mirror=None, order=None, with_riders=False):
     known = np.concatenate([structure.fixed, structure.clamped])
     riding = np.zeros(n + r, dtype=bool)
     riding[structure.riders] = True
-    known[riding] = False if with_riders else True
+    known[riding] = not with_riders
     if mirror is not None:
         image = np.concatenate([mirror, n + frame_images(frames, mirror)])
         y = nodes[of_node, 1]

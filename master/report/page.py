@@ -46,11 +46,7 @@ def page(
     from jinja2 import Environment, StrictUndefined
 
     template = files("master.report").joinpath("page.html").read_text(encoding="utf-8")
-    variables = {
-        f"{label}.{v.name}": v
-        for label, core in (("structural", scene.structural_core()), ("aero", scene.aero_core()))
-        for v in core.variables
-    }
+    variables = {f"{label}.{v.name}": v for label, core in scene.cores().items() for v in core.variables}
     images = [
         {"name": name, "caption": caption, "data": base64.b64encode(svg).decode("ascii")}
         for name, (caption, svg) in figures.items()

@@ -173,7 +173,7 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
             rest[[members.names.index(name) for name in elements]] = float(blocks[tape])
     legs = [np.linalg.norm(np.diff(position[group.nodes], axis=1), axis=2) for group in members.chains]
     length = np.concatenate([leg.sum(axis=1) for leg in legs])
-    two_way = np.concatenate([group.two_way for group in members.chains])
+    two_way = ~(members.area > 0.0)  # what is no line of the bridle: springs, canopy
     supports = members.fixed.any(axis=1)
     return Frame(
         members.labels, members.nodes, undeformed, position, supports,
@@ -182,12 +182,13 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
 
 
 def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips | None:
-    """The strips of a lifting line: panel i and panel i + strips belong to strip i."""
+    """The strips of a lifting line: panels i, i + strips, ... belong to strip i."""
     sections = getattr(scene.interface, "sections", None)
     if sections is None or not {"alpha", "wind_direction"} <= aero.keys():
         return None
     n = len(sections) - 1
-    if aero["alpha"].shape != (n,) or surface.pressure.shape != (2 * n,) or not np.all(np.isfinite(surface.position)):
+    whole = n and len(surface.pressure) % n == 0 and np.all(np.isfinite(surface.position))
+    if aero["alpha"].shape != (n,) or not whole:
         return None
     edge = surface.position[sections]
     quarter = edge[:, 0] + 0.25 * (edge[:, -1] - edge[:, 0])
@@ -196,8 +197,8 @@ def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips
     along = aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
     up = np.cross(along, [0.0, 1.0, 0.0])
     up /= np.linalg.norm(up)
-    panel = surface.panel_forces
-    lift, side, drag = ((panel[:n] + panel[n:]) / width[:, None] @ np.array([up, np.cross(up, along), along]).T).T
+    panel = surface.panel_forces.reshape(-1, n, 3).sum(axis=0)
+    lift, side, drag = (panel / width[:, None] @ np.array([up, np.cross(up, along), along]).T).T
     coefficients = angles = curves = None
     if scene.content["wing"].get("polars") and hasattr(scene, "strip_polars"):
         polars = scene.strip_polars()

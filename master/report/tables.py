@@ -125,12 +125,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         ("interface residual", _residual(result.residual, "m")),
         ("out-of-balance force", _residual(result.residual_N, "N")),
         ("statically stable", _stability_text(run)),
-        ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
-        ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} (area "
-                     f"{scene.content['aero']['reference_area']:g} m2)"),
-        ("angle of attack", f"{np.rad2deg(float(aero['alpha_mid'])):.3f} deg (mid-span chord to the wind)"),
-        ("tip span", f"{float(aero['tip_span']):.4f} m"),
-        ("aerodynamic force", _vector(aero["force"]) + " N"),
+        *(_flow_rows(scene, aero) if "wind_speed" in aero else []),
         ("force on supports", f"{_vector(structural['support_force'])} N, "
                               f"{np.linalg.norm(structural['support_force']):.2f} N in all"),
     ]  # fmt: skip
@@ -144,8 +139,8 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.insert(7, ("lift over drag", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural["tension"]
     lines = scene.members.names
-    two_way = np.concatenate([c.two_way for c in scene.members.chains])
-    one_way = ~two_way
+    one_way = scene.members.area > 0.0
+    two_way = ~one_way
     if one_way.any():
         # the first of those that are equal but for rounding, so that left and right do not take turns
         most = np.flatnonzero(one_way & (tension >= tension[one_way].max() * (1.0 - 1e-9)))[0]
@@ -154,8 +149,44 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.append(("slack lines", ", ".join(slack) or "none"))
         loose = [f"{lines[i]} ({tension[i]:.2g} N)" for i in np.flatnonzero(loose_lines(tension, two_way))]
         rows.append(("loose lines", ", ".join(loose) or "none"))
+    if "tube_load" in structural:
+        rows += _wing_rows(scene, structural)
     wall = content["wall_time_s"]
     rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
+    return rows
+
+
+def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]:
+    area = f"area {scene.content['aero']['reference_area']:g} m2"
+    return [
+        ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
+        ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} ({area})"),
+        ("angle of attack", f"{np.rad2deg(float(aero['alpha_mid'])):.3f} deg (mid-span chord to the wind)"),
+        ("tip span", f"{float(aero['tip_span']):.4f} m"),
+        ("aerodynamic force", _vector(aero["force"]) + " N"),
+    ]
+
+
+def _wing_rows(scene: Any, structural: dict[str, np.ndarray]) -> list[tuple[str, str]]:
+    """Strains and loads of lines, canopy and tubes of an inflatable wing."""
+    line = scene.members.area > 0.0
+    strain, load = structural["strain"], structural["tube_load"]
+    names, tubes = np.array(scene.members.names, dtype=object), np.array(scene.members.wing.tubes.names, dtype=object)
+    rows = []
+    for what, which in (("line", line), ("canopy", ~line)):
+        most = np.flatnonzero(which)[np.argmax(strain[which])]
+        rows.append((f"largest {what} strain", f"{100.0 * strain[most]:.3g} % in {names[most]}"))
+    most = int(np.argmax(structural["tube_strain"]))
+    rows.append(("largest tube strain", f"{100.0 * structural['tube_strain'][most]:.3g} % in {tubes[most]}"))
+    most = int(np.argmax(load))
+    rows.append(("largest tube moment", f"{100.0 * load[most]:.0f} % of collapse, in {tubes[most]}"))
+    collapsed = [f"{n} ({100.0 * v:.0f} %)" for n, v in zip(tubes[load >= 1.0], load[load >= 1.0], strict=True)]
+    rows.append(("collapsed parts of tubes", ", ".join(collapsed) or "none"))
+    if "holding_force" in structural and float(structural.get("hold_roll_and_yaw", 0.0)):
+        held = (
+            f"{float(structural['holding_force']):.2f} N sideways, moment {_vector(structural['holding_moment'])} N m"
+        )
+        rows.append(("holds roll and yaw", held))
     return rows
 
 
