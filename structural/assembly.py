@@ -100,7 +100,7 @@ class Assembly:
 
     def __init__(self, structure: Structure, mirror: np.ndarray | None = None):
         self.structure = structure
-        free = ~structure.fixed.all(axis=1)
+        free = np.array(~structure.fixed.all(axis=1))
         free[structure.riders] = False
         free[structure.frames[~structure.clamped.all(axis=1)]] = True
         order = elimination_order(_couplings(structure, mirror), free)

@@ -74,8 +74,8 @@ def equilibrium(
     quadratic convergence at the end also with mechanisms), and a step is shortened until the out-of-balance force
     along it no longer grows. For tension-only members under dead loads that is a line search on a convex energy, and
     it needs no energy, so follower loads may take part. No step moves a node by more than `step_limit` m, or turns it
-    by more than TURN_LIMIT. `beams` replace those of the structure (their sections may change, as the chains' rest lengths
-    do), `rotations` (r,3,3) are those to start from.
+    by more than TURN_LIMIT. `beams` replace those of the structure (their sections may change, as the chains' rest
+    lengths do), `rotations` (r,3,3) are those to start from.
     """
     beams = assembly.structure.beams if beams is None else beams
     prepared = assembly.prepare(chains, loads, beams)

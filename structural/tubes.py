@@ -282,8 +282,8 @@ def breukels_tube(pressure, radius):
     """Sections of tubes at `pressure` Pa with radii (e,) m after the fits of Breukels; see LEAST_RADIUS.
 
     The shear stiffness is that of the fabric, which torsion measures (GJ = 2 pi r^3 Gt, kGA = pi r Gt = GJ / 2 r^2),
-    and the pressure's p pi r^2 (Fichter 1966); EA = 2 EI / r^2, as for any thin-walled tube. ValueError in one sentence for
-    a pressure or a radius that is not above zero, or where the fits give no stiffness.
+    and the pressure's p pi r^2 (Fichter 1966); EA = 2 EI / r^2, as for any thin-walled tube. ValueError in one sentence
+    for a pressure or a radius that is not above zero, or where the fits give no stiffness.
     """
     radius = np.asarray(radius, float)
     pressure = np.broadcast_to(np.asarray(pressure, float), radius.shape)
