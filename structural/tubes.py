@@ -37,7 +37,7 @@ ARM, SINE = 0.55, 0.3
 # Gauss-Lobatto points for the flexibility of a tube: its curvature grows steeply towards the loaded end.
 _POINTS = 9
 # Newton iterations for the end moments, and the relative change that ends them.
-_MOST, _CLOSE = 60, 1e-13
+_MOST, _CLOSE = 60, 1e-12
 
 
 def _lobatto(count):
@@ -74,7 +74,7 @@ class BreukelsBending(Section):
             value, m1, m2 = _root_moment(v, a, b)
             step = (m - value) / m1
             v = v + step
-            if np.all(np.abs(step) <= 1e-14 * v):
+            if np.all(np.abs(step) <= 1e-9 * v):  # the next one would be below rounding
                 break
         _, m1, m2 = _root_moment(v, a, b)
         bent = v * (1.0 + SINE * v * v) - m / kga
