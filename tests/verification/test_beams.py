@@ -89,6 +89,7 @@ def test_a_narrow_cantilever_buckles_sideways_at_prandtls_load():
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([2.0, 2.0], abs=0.1)
     assert (4.0 * errors[2] - errors[1]) / 3.0 == pytest.approx(0.0, abs=2e-4)  # what h -> 0 leaves
     assert [modes for _, *modes in found] == [[0, 1]] * 3  # the solver says so too
+    assert _critical(32, 1e4)[1:] == (0, 1)  # also where the stiffest member has 1e13 of the buckling mode
 
 
 def test_bending_before_it_buckles_makes_a_cantilever_stiffer_sideways():
