@@ -17,6 +17,7 @@ SUBJECTS = (
     "v3_range",
     "typical_section",
     "saddle",
+    "beams",
     "exchange",
 )
 

@@ -151,7 +151,8 @@ class _Solve:
         if not len(self.r):
             return 0
         try:
-            factors = self._factors(SMALLEST_SHIFT * max(self.softest / SOFTEST, self._diagonal().max()), pivot=0.0)
+            # relative to each unknown's own stiffness: that of axial members would hide slow modes of bending
+            factors = self._factors(SMALLEST_SHIFT * np.maximum(self.softest / SOFTEST, self._diagonal()), pivot=0.0)
         except RuntimeError:  # exactly singular: a mechanism, neither stable nor unstable
             return 0
         return int(np.count_nonzero(factors.U.diagonal() < 0.0))
@@ -194,8 +195,8 @@ class _Solve:
         return np.abs(self.k.data[self.assembly.diagonal])
 
     def _factors(self, shift, pivot=PIVOT):
-        """Factors of the tangent with `shift` N/m added to its diagonal; pivots leave it where below `pivot` of their
-        column.
+        """Factors of the tangent with `shift` N/m, one or (q,), added to its diagonal; pivots leave it where below
+        `pivot` of their column.
         """
         data = self.k.data.copy()
         data[self.assembly.diagonal] += shift
