@@ -89,6 +89,11 @@ class LinearSection(Section):
         values = (EA, EI, EI if EI_b is None else EI_b, GJ, kGA, kGA)
         return cls(*(np.broadcast_to(float(v), count).copy() for v in values))
 
+    @property
+    def initial_bending(self):
+        """The larger EI (e,) N m^2 of each element."""
+        return np.maximum(self.EI_n, self.EI_b)
+
     def response(self, natural, l0):
         """Forces (e,6) and tangents (e,6,6) at the natural deformations (e,6)."""
         shear = [12.0 * ei / (kga * l0 * l0) for ei, kga in ((self.EI_n, self.kGA_n), (self.EI_b, self.kGA_b))]

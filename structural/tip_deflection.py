@@ -35,6 +35,11 @@ class TipDeflectionSection(Section):
         ei = np.where(small, initial[0] + initial[1] * v, load / (3.0 * safe))
         return ei, np.where(small, initial[1], (slope * v - load) / (3.0 * safe * safe))
 
+    @property
+    def initial_bending(self):
+        """EI (e,) N m^2 of the tube without load."""
+        return self._secant(np.zeros_like(self.A))[0]
+
     def response(self, natural, l0):
         """Forces (e,6) and tangents (e,6,6); the law has no energy, so the tangent is not symmetric."""
         first = natural[:, 1:3]
