@@ -18,6 +18,8 @@ SUBJECTS = (
     "typical_section",
     "saddle",
     "beams",
+    "v3_detailed",
+    "hanging",
     "exchange",
 )
 

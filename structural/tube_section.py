@@ -29,7 +29,9 @@ _XI, _WEIGHT = _lobatto(_POINTS)
 
 @dataclass(frozen=True, eq=False)
 class TubeSection(Section):
-    """Section of inflated tubes: `bending` law (`bend` and `collapse`, see `tubes`), shear `kGA` N, `EA` N, torque T = peak atan(rate phi') (all (e,)).
+    """Section of inflated tubes, arrays (e,): shear `kGA` N, `EA` N, torque T = peak atan(rate phi').
+
+    The `bending` law has `bend` (curvature and slope over moment) and a `collapse` moment, see `tubes`.
 
     Its end moments follow from the rotations by the flexibility of the element, theta_1 = -int (1 - xi) kappa l0 dxi
     and theta_2 = int xi kappa l0 dxi (plus shear) with the linear moment M = -(1 - xi) m_1 + xi m_2: exact for one
