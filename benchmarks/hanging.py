@@ -1,4 +1,4 @@
-"""The V3 kite hanging upside down: characteristic lengths beside the measurement and the LEI thesis, and what moves them."""
+"""The V3 kite hanging upside down: lengths beside the measurement and the LEI thesis, and what moves them."""
 
 import csv
 import time
@@ -81,14 +81,14 @@ def comparison(quick):
     names += ["span, %", "centre to tip, %", "mean, %", "residual, N", "time, s"]
     return lines(
         table(names, rows),
-        f"Lengths in m. All cases together {total:.1f} s from the design shape. Lcs goes from the middle of the leading "
-        "edge to the trailing edge end of the outermost strut: with that the thesis' own errors are met by its model of "
-        "the same stretched kite, with the tip itself they are not. Measured lengths: Haanen (2026).",
+        f"Lengths in m. All cases together {total:.1f} s from the design shape. Lcs goes from the middle of the "
+        "leading edge to the trailing edge end of the outermost strut: with that the lengths of the thesis follow from its "
+        "errors in the stretched cases 4 and 5, with the tip they do not. Measured lengths: Haanen (2026).",
     )
 
 
 def _scaled_trailing_edge(members):
-    """The canopy with the trailing edge as long as measured when it is pulled taut (case 5), less so towards the nose."""
+    """The canopy with the trailing edge as measured when it is pulled taut (case 5), less so towards the nose."""
     grid, nodes = members.wing.grid, members.nodes
     taut = measured()[5][:9]
     columns = [int(np.flatnonzero(grid[:, -1] == members.labels.index(n))[0]) for n in TRAILING]
@@ -109,7 +109,7 @@ def _scaled_trailing_edge(members):
 
 
 def _front_line(change):
-    """The members with the lines AI, from the inner front lines to the bar, longer by `change` m; None: without them."""
+    """The members with the lines AI, from inner front lines to the bar, longer by `change` m; None: without them."""
 
     def changed(members):
         groups, area, start = [], [], 0

@@ -107,7 +107,7 @@ ENTRIES = (
         plot=Curve("nodes", "time_s"),
         fit=Fit("nodes", "time_s", "time ~ nodes"),
         labels={"nodes": "nodes", "unknowns": "unknowns", "newton_iterations": "Newton iterations"},
-        note="The nets of `saddle.nodes` up to 20201 nodes. Nets at rest length 0.9 are left out: as they wrinkle, they "
-        "take more than a hundred Newton iterations.",
+        note="The nets of `saddle.nodes` up to 20201 nodes. Nets at rest length 0.9 are left out: as they wrinkle, "
+        "they take more than a hundred Newton iterations.",
     ),
 )

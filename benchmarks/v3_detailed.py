@@ -125,13 +125,13 @@ def flight(quick):
     return lines(
         table(FLIGHT, rows),
         "Wind 12 m/s unless said; both FMUs, IQN-ILS from the automatic trim start; time of the coupling loop, first "
-        "structural solve included. Steered: roll and yaw held at the leading edge's middle, with the reactions about the "
-        "bridle point. The LEI thesis ran a single coupling iteration of its detailed model (section 7.4).",
+        "structural solve included. Steered: roll and yaw held at the leading edge's middle, with the reactions about "
+        "the bridle point. The LEI thesis ran a single coupling iteration of its detailed model (section 7.4).",
     )
 
 
 def deformed(quick):
-    """How depower and steering deform the wing, as in figure 2.3 of the LEI thesis, in the frame of the middle chord."""
+    """How depower and steering deform the wing, as in figure 2.3 of the LEI thesis."""
     rows = []
     for label, _, parameters in (CASES[0], CASES[3], CASES[6])[: 1 if quick else 3]:
         held = {"hold_roll_and_yaw": 1.0} if "steering_tape_left_length" in parameters else {}
@@ -182,7 +182,7 @@ ENTRIES = (
             "residual_N": "residual, N", "line_strain": "line strain", "canopy_strain": "canopy strain",
             "tube_strain": "tube strain", "tube_load": "tube moment / collapse",
         },
-        note="Meshes 1 to 5: 3 × 1, 6 × 1 (default), 6 × 2, 12 × 2, 12 × 3 canopy cells along the chord and between ribs; "
-        "to 1e-3 N, scaled start included. A peer needs 541 s to 1.04 N on 1095 degrees of freedom.",
+        note="Meshes 1 to 5: 3 × 1, 6 × 1 (default), 6 × 2, 12 × 2, 12 × 3 canopy cells along the chord and between "
+        "ribs; to 1e-3 N from the design shape. A peer needs 541 s to 1.04 N on 1095 degrees of freedom.",
     ),
 )  # fmt: skip

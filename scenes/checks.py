@@ -50,3 +50,12 @@ def asymmetry(members, chains):
         a, b = odd[0], image[odd[0]]
         return f"mass at node {labels[a]} is {members.mass[a]:.6g} kg, at node {labels[b]} {members.mass[b]:.6g} kg"
     return ""
+
+
+def symmetric_chains(chains, mirror):
+    """Whether every element has a mirror image with the same rest length, stiffness and sense."""
+    for group in chains:
+        rows = mirror_rows(group.nodes, mirror, canonical_chains)
+        if np.any(rows < 0) or any(np.any(a != a[rows]) for a in (group.l0, group.k, group.two_way)):
+            return False
+    return True

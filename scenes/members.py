@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 
 from structural import Chains
 
+from .connections import check_connected
 from .tables import SceneError, Table, name, names, non_negative, number, positive, read_table
-from .wing_mesh import WingMesh, read_wing_mesh
+from .wing_mesh import WingMesh
+from .wing_tables import wing_masses, wing_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ def read_members(folder: Path, structure: dict[str, Any], settings: dict[str, An
     labels, nodes, fixed = _nodes(folder / structure["nodes"])
     wing = None
     if structure["tubes"]:
-        wing = _wing(folder, structure, settings, labels, nodes)
+        wing = wing_of(folder, structure, settings, labels, nodes)
         labels, nodes = wing.labels, wing.nodes
         fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
     table_index = {label: i for i, label in enumerate(labels)}
@@ -113,39 +113,16 @@ def read_members(folder: Path, structure: dict[str, Any], settings: dict[str, An
     if not elements:
         raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
     mass = np.zeros(len(nodes))
-    of_wing = np.zeros(len(nodes)) if wing is None else _wing_masses(folder, structure, wing)
+    of_wing = np.zeros(len(nodes)) if wing is None else wing_masses(folder, structure, wing)
     for e in elements:
         share = _mass_shares(nodes[list(e.nodes)]) * e.mass
         np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
     if structure["masses"]:
         _point_masses(folder / structure["masses"], table_index, mass)
-    _check_connected(folder, structure, labels, fixed, elements, wing)
+    check_connected(folder, structure, labels, fixed, elements, wing)
     groups, area = _grouped(elements)
     members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing)
     return members if settings.get("scale", 1.0) == 1.0 else _scaled(members, float(settings["scale"]))
-
-
-def _wing(folder, structure, settings, labels, nodes):
-    label = f"{folder.name}/scene.toml"
-    for key in ("ribs", "tube_pressure", "canopy_stiffness", "canopy_shear_stiffness"):
-        if structure[key] is None:
-            raise SceneError(f"{label}: [structure] lacks '{key}', which tubes need; add it.")
-    if structure["tube_pressure"] <= 0.0:
-        raise SceneError(f"{label}: [structure] tube_pressure must be above zero Pa; a tube without it is a rag.")
-    stations, subdivisions = (int(settings.get(f"canopy_{k}", d)) for k, d in (("stations", 6), ("subdivisions", 1)))
-    return read_wing_mesh(folder, structure, labels, nodes, stations, subdivisions)
-
-
-def _wing_masses(folder, structure, wing):
-    """Masses (n,) kg of the wing: the canopy by its area, the rest of `wing_mass` along the tubes (LEI thesis 6.2)."""
-    canopy = float(wing.canopy_mass.sum())
-    total = canopy if structure["wing_mass"] is None else structure["wing_mass"]
-    if total < canopy:
-        raise SceneError(
-            f"{folder.name}/scene.toml: [structure] wing_mass of {total:g} kg is less than the canopy's {canopy:.3g} "
-            "kg; correct wing_mass or canopy_density."
-        )
-    return wing.canopy_mass + (total - canopy) * wing.tube_length / wing.tube_length.sum()
 
 
 def _scaled(members, factor):
@@ -280,40 +257,6 @@ def _point_masses(path, index, mass):
         if label not in index:
             raise SceneError(f"{t.at(row)}: node '{label}' is not in the node table; add it or correct the name.")
         mass[index[label]] += t["mass_kg"][row]
-
-
-def _check_connected(folder, structure, labels, fixed, elements, wing):
-    """Every free node needs two elements, or one rope running over it: otherwise a line dangles. Whatever hangs
-    together must be held somewhere.
-    """
-    held = np.zeros(len(labels))
-    joined = [e.nodes for e in elements]
-    for e in elements:
-        for i, n in enumerate(e.nodes):
-            held[n] += 2.0 if 0 < i < len(e.nodes) - 1 or e.two_way or e.fabric else 1.0
-    if wing is not None:
-        held[wing.tubes.ends] += 2.0
-        held[wing.riders] += 2.0
-        joined += [*map(tuple, wing.tubes.ends), *zip(wing.riders, wing.frames[wing.carriers], strict=True)]
-    for n, label in enumerate(labels):
-        if held[n] == 0.0 and not fixed[n].all():
-            raise SceneError(
-                f"{folder.name}/{structure['nodes']}: node '{label}' belongs to no element; connect or remove it."
-            )
-        if held[n] == 1.0 and not fixed[n].all():
-            line = next(e.name for e in elements if n in e.nodes)
-            where = f"{folder.name}/{structure['lines']}"
-            raise SceneError(f"{where}: line '{line}' dangles at node '{label}'; connect that end or fix the node.")
-    pairs = np.array([pair for nodes in joined for pair in pairwise(nodes)]).T
-    graph = sp.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(labels), len(labels)))
-    count, part = connected_components(graph, directed=False)
-    supported = np.bincount(part, fixed.any(axis=1), minlength=count) > 0.0
-    for n, label in enumerate(labels):
-        if not supported[part[n]] and held[n] > 0.0:
-            raise SceneError(
-                f"{folder.name}/{structure['nodes']}: the part with node '{label}' hangs on no fixed node; connect it "
-                "to the rest or fix one of its nodes."
-            )
 
 
 def _grouped(elements):

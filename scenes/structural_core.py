@@ -1,7 +1,7 @@
 """The structural solver of a scene behind blocks: loads in, interface displacements out."""
 
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -19,13 +19,15 @@ from structural import (
     tensions,
 )
 
+from .checks import symmetric_chains
 from .core import Core
 from .interface import rotated
 from .members import with_rest_lengths
-from .point_loads import content_load, read_loads
+from .point_loads import read_loads
+from .structural_variables import structural_variables
 from .tables import SceneError
 from .tube_sections import tube_beams, tube_state
-from .variables import StepFailed, Variable
+from .variables import StepFailed
 
 # What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
 # solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
@@ -52,7 +54,8 @@ class StructuralCore(Core):
         self._chains = None
         self._beams = None
         self._loads = read_loads(scene)
-        super().__init__(scene.name, tuple(self._declared()))
+        starts = {tape: float(self._rest[0][self._tape_rows(tape)[0]]) for tape in self._tapes}
+        super().__init__(scene.name, tuple(structural_variables(scene, self._loads, starts, self._mirror is not None)))
         self._x, self._rotations = self._start()
         self._fresh = True
         self._show_shape()
@@ -72,83 +75,6 @@ class StructuralCore(Core):
             where = f"{self._scene.name}/scene.toml [structure.tapes] {parameter}"
             raise SceneError(f"{where}: its lines have different rest lengths; give them one, or a tape each.")
         return rows
-
-    def _declared(self):
-        content, m = self._scene.content["structure"], self._members
-        panels, points = len(self._interface.panels), len(self._interface.nodes)
-        yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel, follower")
-        aero = self._scene.content["aero"]
-        if aero is not None and aero["section_force"] != "normal":
-            text = "traction on each interface panel, keeps its global direction"
-            yield Variable("shear", (panels, 3), unit="Pa", description=text)
-        if len(self._interface.lines):
-            text = "wind load on each exposed line per current length, keeps its global direction"
-            yield Variable("line_load", (len(self._interface.lines), 3), unit="N/m", description=text)
-        tunable = partial(Variable, causality="parameter", variability="tunable")
-        gravity = content["gravity"]
-        text = "gravity, towards -z"
-        yield tunable("gravity", unit="m/s2", start=gravity, minimum=-1e3, maximum=1e3, description=text)
-        if content["line_modulus"]:
-            text = "Young's modulus of the bridle lines"
-            yield tunable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text)
-        for parameter in self._tapes:
-            start = self._rest[0][self._tape_rows(parameter)[0]]
-            text = "rest length of " + ", ".join(self._tapes[parameter])
-            yield tunable(parameter, unit="m", start=start, minimum=1e-3, description=text)
-        if m.wing is not None:
-            text = "pressure in the tubes above that of the air"
-            start = content["tube_pressure"]
-            yield tunable("tube_pressure", unit="Pa", start=start, minimum=100.0, maximum=3e5, description=text)
-        for name, rows in self._loads.items():
-            nodes = ", ".join(m.labels[n] for n, _ in rows)
-            text = f"dead load on each of the nodes {nodes}, in the directions of the scene's table"
-            yield tunable(name, unit="N", start=content_load(self._scene, name), description=text)
-        if content["hold"] is not None:
-            text = "hold roll and yaw: side force and yawing moment on the frame of a node, reported as reactions"
-            yield tunable("hold_roll_and_yaw", kind="boolean", minimum=0.0, maximum=1.0, description=text)
-        if m.wing_mass.sum() > 0.0:
-            text = "mass of springs and canopy together; their nodes' shares scale with it"
-            yield tunable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text)
-        start = content["symmetric"]
-        text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
-        yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
-        text = "largest out-of-balance force that counts as equilibrium"
-        yield tunable("solver_tolerance", unit="N", start=1e-6, minimum=1e-12, description=text)
-        if self._scene.content["trim"] is not None:
-            text = "rigid nose-up rotation about the pivot in which the structure starts"
-            yield Variable(
-                "trim_angle", unit="rad", causality="parameter", variability="fixed", minimum=-3.2, maximum=3.2,
-                description=text,
-            )  # fmt: skip
-        output = partial(Variable, causality="output")
-        text = "interface displacement from the reference configuration"
-        yield output("displacement", (points, 3), unit="m", description=text)
-        labels = tuple(f"node {label}" for label in m.labels)
-        yield output("position", m.nodes.shape, unit="m", start=m.nodes, description="position", labels=labels)
-        yield output("tension", (len(m.names),), unit="N", description="tension", labels=m.names)
-        text = "force of the structure on its supports"
-        yield output("support_force", (3,), unit="N", description=text)
-        if m.wing is not None:
-            text = "elongation of the element over its rest length, negative where slack"
-            yield output("strain", (len(m.names),), description=text, labels=m.names)
-            text = "largest bending moment over the collapse moment"
-            yield output("tube_load", (len(m.wing.tubes.names),), description=text, labels=m.wing.tubes.names)
-            text = "strain of the fabric by normal force and bending"
-            yield output("tube_strain", (len(m.wing.tubes.names),), description=text, labels=m.wing.tubes.names)
-            yield output("collapsed_tubes", kind="integer", description="parts of tubes past their collapse moment")
-        if content["hold"] is not None:
-            text = "moment about the pivot (origin without one) that holds roll and yaw"
-            yield output("holding_moment", (3,), unit="N.m", description=text)
-            yield output("holding_force", unit="N", description="side force (y) that holds roll and yaw")
-        yield output("slack_lines", kind="integer", description="lines without tension")
-        yield output("residual", unit="N", description="out-of-balance force over free dofs after the step")
-        text = "out-of-balance force of the state before the step under the loads of the step"
-        yield output("imbalance_before_step", unit="N", description=text)
-        yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
-        text = "directions in which the equilibrium is unstable under its loads, kept as they are"
-        yield output("unstable_modes", kind="integer", description=text)
-        text = "whether the last solve was of one half"
-        yield output("symmetry_used", kind="boolean", start=float(start and self._mirror is not None), description=text)
 
     def hints(self):
         """What looks odd with the present parameters: misfits of the design shape, and what breaks its symmetry."""
@@ -216,7 +142,7 @@ class StructuralCore(Core):
             if "line_modulus" in self._values:
                 k = np.where(area > 0.0, self._scalar("line_modulus") * area / np.where(area > 0.0, rest, 1.0), k)
             chains = with_rest_lengths(self._members.chains, rest, k)
-            self._chains = chains, self._mirrored_supports and _symmetric_chains(chains, self._mirror)
+            self._chains = chains, self._mirrored_supports and symmetric_chains(chains, self._mirror)
         return self._chains
 
     @cached_property
@@ -371,12 +297,3 @@ class StructuralCore(Core):
         self._put("unstable_modes", result.unstable_modes)
         self._put("newton_iterations", result.iterations)
         self._put("symmetry_used", float(symmetric))
-
-
-def _symmetric_chains(chains, mirror):
-    """Whether every element has a mirror image with the same rest length, stiffness and sense."""
-    for group in chains:
-        rows = mirror_rows(group.nodes, mirror, canonical_chains)
-        if np.any(rows < 0) or any(np.any(a != a[rows]) for a in (group.l0, group.k, group.two_way)):
-            return False
-    return True

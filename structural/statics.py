@@ -1,6 +1,6 @@
 """Static equilibrium: Newton on the true residual, globalised so that slack members and mechanisms do no harm."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse.linalg as spla
@@ -8,6 +8,7 @@ import scipy.sparse.linalg as spla
 from .assembly import Assembly
 from .beams import Beams
 from .chains import Chains
+from .stiffness import rounding_force, softened_stages
 from .structure import Loads
 
 # The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
@@ -21,12 +22,9 @@ SOFTEST = 1e-6
 PIVOT = 1e-6
 # Steps refused one after the other, and cuts of one step, before giving up.
 MOST_REJECTIONS, MOST_CUTS = 30, 12
-# After STRAIGHT Newton iterations, lines and ropes that are stiff for their loads are softened: to SOFT times the load
-# for twice the length at first, then STIFFENING times stiffer each time, each in SOFT_ITERATIONS at most and to
-# SOFT_RTOL of the load; no load counts as less than SMALLEST_LOAD of the largest k l0. Chosen on random networks of
-# ropes.
+# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `stiffness.softened`);
+# each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
 STRAIGHT, SOFT_ITERATIONS, SOFT_RTOL = 200, 200, 1e-2
-SOFT, STIFFENING, SMALLEST_LOAD = 3.0, 30.0, 1e-9
 # Largest turn of a frame in one Newton step, rad.
 TURN_LIMIT = 0.5
 # After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
@@ -37,7 +35,8 @@ SHORT_STEPS, BURST = 3, 10
 class Equilibrium:
     """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N met on the way (also
     with softened lines), in how many directions the converged equilibrium is unstable under its loads (0: it is
-    stable), and the `rotations` (r,3,3) of the frames, None without any. The norm takes moments in N m beside forces in N.
+    stable), and the `rotations` (r,3,3) of the frames, None without any. The norm takes moments in N m beside forces in
+    N.
     """
 
     x: np.ndarray
@@ -98,7 +97,7 @@ def equilibrium(
     solve = direct = begun(chains, at, rtol)
     solve.run(min(STRAIGHT, max_iterations))
     slow = len(solve.norms) <= max_iterations and solve.status in ("max_iterations", "stalled")
-    softened = _softened(chains, solve.external) if slow else []
+    softened = softened_stages(chains, solve.external) if slow else []
     if slow and not softened:
         solve.run(max_iterations)
     norms, iterations = list(solve.norms), len(solve.norms) - 1
@@ -117,35 +116,6 @@ def equilibrium(
     unstable = solve.negative_pivots() if solve.status == "converged" else 0
     x = assembly.positions(q, turned)
     return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, turned)
-
-
-def rounding_force(chains, beams=(), reach=0.0):
-    """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0||.
-
-    For beams, which may be much shorter than their coordinates (at most `reach` m), EA max(1, reach / l0) takes the
-    place of k l0, with the stiffness 12 EI / l0^2 of bending added to EA.
-    """
-    squares = sum(np.sum((c.k * c.l0) ** 2) for c in chains)
-    for b in beams:
-        stiffness = b.section.EA + 12.0 * b.section.initial_bending / b.l0**2
-        squares += np.sum((stiffness * np.maximum(1.0, reach / b.l0)) ** 2)
-    return 4.0 * np.finfo(float).eps * float(np.sqrt(squares))
-
-
-def _softened(chains, load):
-    """The chains with lines and ropes that are softer than they are by degrees, the softest first; none without load.
-
-    A soft line has a spring in series, k' = k P / (P + k l0), P the load N that stretches that spring by l0. Springs
-    that may push keep their stiffness, which keeps them from buckling.
-    """
-    largest = max((float(np.max(c.k * c.l0, where=~c.two_way, initial=0.0)) for c in chains), default=0.0)
-    stages = []
-    spring = SOFT * max(load, SMALLEST_LOAD * largest)
-    while 0.0 < load < np.inf and spring < largest:
-        k = [np.where(c.two_way, c.k, c.k * spring / (spring + c.k * c.l0)) for c in chains]
-        stages.append(tuple(replace(c, k=soft) for c, soft in zip(chains, k, strict=True)))
-        spring *= STIFFENING
-    return stages
 
 
 class _Solve:

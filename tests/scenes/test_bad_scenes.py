@@ -298,7 +298,7 @@ def test_text_for_a_setting_of_another_kind_is_refused(kind, tmp_path):
 @pytest.mark.parametrize("name", ["no_such_scene", "", ".", "/", "\0", "x" * 5000, "v3_kite/scene.toml", "../scenes"])
 def test_unknown_scene_is_refused_with_the_known_ones(name):
     message = _refused(name)
-    assert "typical_section, v3_kite" in message
+    assert "typical_section, v3_hanging_test, v3_kite, v3_kite_detailed" in message
 
 
 def test_scene_file_that_is_a_folder_or_gone_is_refused(tmp_path):

@@ -1,0 +1,87 @@
+"""What the structural core of a scene shows to the outside: inputs, parameters and outputs."""
+
+from functools import partial
+
+from .point_loads import content_load
+from .variables import Variable
+
+
+def structural_variables(scene, loads, tapes, mirrored):
+    """The variables of the structural core of a scene, one by one.
+
+    `loads` are its point loads, `tapes` the rest lengths m of its tapes, `mirrored` says whether its nodes are.
+    """
+    content, m, interface = scene.content["structure"], scene.members, scene.interface
+    panels, points = len(interface.panels), len(interface.nodes)
+    yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel, follower")
+    aero = scene.content["aero"]
+    if aero is not None and aero["section_force"] != "normal":
+        text = "traction on each interface panel, keeps its global direction"
+        yield Variable("shear", (panels, 3), unit="Pa", description=text)
+    if len(interface.lines):
+        text = "wind load on each exposed line per current length, keeps its global direction"
+        yield Variable("line_load", (len(interface.lines), 3), unit="N/m", description=text)
+    tunable = partial(Variable, causality="parameter", variability="tunable")
+    gravity = content["gravity"]
+    text = "gravity, towards -z"
+    yield tunable("gravity", unit="m/s2", start=gravity, minimum=-1e3, maximum=1e3, description=text)
+    if content["line_modulus"]:
+        text = "Young's modulus of the bridle lines"
+        yield tunable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text)
+    for parameter, start in tapes.items():
+        text = "rest length of " + ", ".join(content["tapes"][parameter])
+        yield tunable(parameter, unit="m", start=start, minimum=1e-3, description=text)
+    if m.wing is not None:
+        text = "pressure in the tubes above that of the air"
+        start = content["tube_pressure"]
+        yield tunable("tube_pressure", unit="Pa", start=start, minimum=100.0, maximum=3e5, description=text)
+    for name, rows in loads.items():
+        nodes = ", ".join(m.labels[n] for n, _ in rows)
+        text = f"dead load on each of the nodes {nodes}, in the directions of the scene's table"
+        yield tunable(name, unit="N", start=content_load(scene, name), description=text)
+    if content["hold"] is not None:
+        text = "hold roll and yaw: side force and yawing moment on the frame of a node, reported as reactions"
+        yield tunable("hold_roll_and_yaw", kind="boolean", minimum=0.0, maximum=1.0, description=text)
+    if m.wing_mass.sum() > 0.0:
+        text = "mass of springs and canopy together; their nodes' shares scale with it"
+        yield tunable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text)
+    start = content["symmetric"]
+    text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
+    yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
+    text = "largest out-of-balance force that counts as equilibrium"
+    yield tunable("solver_tolerance", unit="N", start=1e-6, minimum=1e-12, description=text)
+    if scene.content["trim"] is not None:
+        text = "rigid nose-up rotation about the pivot in which the structure starts"
+        yield Variable(
+            "trim_angle", unit="rad", causality="parameter", variability="fixed", minimum=-3.2, maximum=3.2,
+            description=text,
+        )  # fmt: skip
+    output = partial(Variable, causality="output")
+    text = "interface displacement from the reference configuration"
+    yield output("displacement", (points, 3), unit="m", description=text)
+    labels = tuple(f"node {label}" for label in m.labels)
+    yield output("position", m.nodes.shape, unit="m", start=m.nodes, description="position", labels=labels)
+    yield output("tension", (len(m.names),), unit="N", description="tension", labels=m.names)
+    text = "force of the structure on its supports"
+    yield output("support_force", (3,), unit="N", description=text)
+    if m.wing is not None:
+        text = "elongation of the element over its rest length, negative where slack"
+        yield output("strain", (len(m.names),), description=text, labels=m.names)
+        text = "largest bending moment over the collapse moment"
+        yield output("tube_load", (len(m.wing.tubes.names),), description=text, labels=m.wing.tubes.names)
+        text = "strain of the fabric by normal force and bending"
+        yield output("tube_strain", (len(m.wing.tubes.names),), description=text, labels=m.wing.tubes.names)
+        yield output("collapsed_tubes", kind="integer", description="parts of tubes past their collapse moment")
+    if content["hold"] is not None:
+        text = "moment about the pivot (origin without one) that holds roll and yaw"
+        yield output("holding_moment", (3,), unit="N.m", description=text)
+        yield output("holding_force", unit="N", description="side force (y) that holds roll and yaw")
+    yield output("slack_lines", kind="integer", description="lines without tension")
+    yield output("residual", unit="N", description="out-of-balance force over free dofs after the step")
+    text = "out-of-balance force of the state before the step under the loads of the step"
+    yield output("imbalance_before_step", unit="N", description=text)
+    yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
+    text = "directions in which the equilibrium is unstable under its loads, kept as they are"
+    yield output("unstable_modes", kind="integer", description=text)
+    text = "whether the last solve was of one half"
+    yield output("symmetry_used", kind="boolean", start=float(start and mirrored), description=text)
