@@ -10,7 +10,10 @@ _COLUMNS = {"load": name, "node": name, "x": number, "y": number, "z": number}
 def read_loads(scene):
     """Parameter name -> list of (node index, direction (3,)) from the table of [structure] loads; empty without one."""
     file = scene.content["structure"]["loads"]
+    given = scene.content["structure"]["load_values"]
     if file is None:
+        if given:
+            raise SceneError(f"{scene.name}/scene.toml: [structure] load_values needs a table of 'loads'; add it.")
         return {}
     table = read_table(scene.folder / file, _COLUMNS)
     out: dict[str, list[tuple[int, np.ndarray]]] = {}
@@ -22,6 +25,11 @@ def read_loads(scene):
         if not direction.any():
             raise SceneError(f"{table.at(row)}: load '{load}' has no direction; correct x, y, z.")
         out.setdefault(load, []).append((node, direction / np.linalg.norm(direction)))
+    if unknown := sorted(given.keys() - out.keys()):
+        raise SceneError(
+            f"{scene.name}/scene.toml: [structure] load_values names '{unknown[0]}', which is not in {file}; there are: "
+            f"{', '.join(out)}."
+        )
     return out
 
 

@@ -59,6 +59,7 @@ class StructuralCore(Core):
         self._x, self._rotations = self._start()
         self._fresh = True
         self._show_shape()
+        self._held = self._holding_place()
 
     @cached_property
     def _rest(self):
@@ -168,9 +169,10 @@ class StructuralCore(Core):
             self._assemblies[symmetric, held] = assembly
         return assembly
 
-    @cached_property
-    def _held(self):
-        """Node and frame at which roll and yaw can be held."""
+    def _holding_place(self):
+        """Node and frame at which roll and yaw can be held, None where the scene names none."""
+        if self._scene.content["structure"]["hold"] is None:
+            return None
         where = f"{self._scene.name}/scene.toml [structure] hold"
         node = self._members.node(self._scene.content["structure"]["hold"], where)
         frames = [] if self._members.wing is None else np.flatnonzero(self._members.wing.frames == node)

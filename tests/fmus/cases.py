@@ -3,13 +3,16 @@
 import scenes
 
 
+FEW = 3  # of a longer list of options, as of load cases, the last one stands for the others
+
+
 def _cases():
     for name in scenes.available():
         yield name, {}
         for key, option in scenes.load(name).content["settings"].items():
-            for value in option["options"] if "options" in option else [option["default"] + 1]:
-                if value != option["default"]:
-                    yield name, {key: value}
+            others = [v for v in option.get("options", [option["default"] + 1]) if v != option["default"]]
+            for value in others if len(others) <= FEW else others[-1:]:
+                yield name, {key: value}
 
 
 CASES = list(_cases())
