@@ -62,7 +62,7 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     write_history(out / "history.csv", run.result.history)
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
-    written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface)]
+    written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface, scene.members.wing)]
     write_json(out / "summary.json", content)
     print_table(scene, run, content)
     lacking = missing_libraries() if choices["report"] else ""

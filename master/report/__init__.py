@@ -32,13 +32,18 @@ __all__ = [
 ]
 
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
-TABLES = ("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv")
+TABLES = (
+    *("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv"),
+    *("tubes.csv", "sections.csv"),
+)
 ANGLE = (
     "Effective angle: chord to the local flow with induced velocity, hence closer to zero lift than the angle to the "
     "free stream (in strip theory, without induced velocity, equal)"
 )
 CAPTIONS = {
     "shape": "Flown shape with line tensions, three views to one scale",
+    "billowing": "Billowing of the canopy: sections between the struts and, thin and grey, at the struts, each along "
+    "its own chord, and camber, the largest distance of a section from its chord, along the span",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
     "strips": f"Loads, effective angle of attack and circulation along the span. {ANGLE}",
     "polars": "Operating points of the strips on their section polars, coloured by distance from mid-span; left and "
@@ -71,7 +76,7 @@ def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, 
     sentence = missing_libraries()
     if sentence:
         raise ModuleNotFoundError(sentence)
-    from master.report import figures, shape, vtk
+    from master.report import billowing, figures, shape, vtk
     from master.report.convergence import convergence_figure
     from master.report.page import page
 
@@ -82,16 +87,18 @@ def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, 
     if {"wind_speed", "wind_direction"} <= aero.keys():
         wind = float(aero["wind_speed"]) * aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
         title += f", wind {float(aero['wind_speed']):g} m/s"
-    drawn = {
-        "shape": shape.shape_figure(state, title, status, wind),
-        "convergence": convergence_figure(
-            run.result.history,
-            f"{title}, {status}",
-            settings.get("tolerance"),
-            settings.get("force_tolerance"),
-            run.result.residual_N,
-        ),
-    }
+    drawn = {"shape": shape.shape_figure(state, title, status, wind)}
+    wing = getattr(scene.members, "wing", None)
+    sections = billowing.wing_sections(wing, None if state.frame is None else state.frame.position)
+    if sections is not None:
+        drawn["billowing"] = billowing.billowing_figure(sections, f"{title}, {status}")
+    drawn["convergence"] = convergence_figure(
+        run.result.history,
+        f"{title}, {status}",
+        settings.get("tolerance"),
+        settings.get("force_tolerance"),
+        run.result.residual_N,
+    )
     if state.strips is not None:
         drawn["strips"] = figures.strip_figure(state.strips, f"{title}, {status}")
         if state.strips.coefficients is not None:

@@ -35,6 +35,7 @@ HISTORY = {
     "aero.alpha_mid": "angle of attack, deg",
 }
 COEFFICIENTS = ("CL", "CD", "CS")  # outputs that are the parts of one vector
+SHOWN_TUBES = 20  # most rows of the table of tubes
 ROUNDING = 1e-12  # of the size of a vector: what is left of a zero, and shown as such
 Table = dict[str, Any]  # title, header, rows of cells, marked: rows that stand out
 
@@ -54,6 +55,7 @@ def page(
     tables = [
         _outputs(content, variables),
         _lines(state),
+        _tubes(state),
         _springs(state),
         _strips(state),
         _history(run),
@@ -171,6 +173,23 @@ def _springs(state: FinalState) -> Table:
         return "tension" if frame.tension[i] >= 0.0 else "compression"
 
     return _elements("Springs (two-way)", state.frame, lambda f: f.two_way, state_of)
+
+
+def _tubes(state: FinalState) -> Table:
+    """The parts of tubes that are closest to collapse, the most loaded first; collapsed ones are marked."""
+    header = ["tube", "radius, m", "bending moment / collapse moment", "strain, %", "state"]
+    tubes = None if state.frame is None else state.frame.tubes
+    if tubes is None:
+        return _table("Tubes", header, [])
+    # equal but for rounding: in their order, so that left and right do not take turns
+    first = np.argsort(-np.round(tubes.load, 9), kind="stable")[:SHOWN_TUBES]
+    fallen = tubes.collapsed[first]
+    rows = [
+        [tubes.names[i], tubes.radius[i], tubes.load[i], 100.0 * tubes.strain[i], "collapsed" if down else "sound"]
+        for i, down in zip(first, fallen, strict=True)
+    ]
+    title = f"Tubes (the {len(first)} most loaded of {len(tubes.names)} parts)"
+    return _table(title, header, rows, np.flatnonzero(fallen))
 
 
 def _strips(state: FinalState) -> Table:

@@ -20,6 +20,8 @@ TALLEST = 9.0  # in, front and top view together
 BLUE = (0.60, 0.75, 0.88)
 SLACK = "#b2182b"
 LOOSE = "#d95f02"
+TUBE: dict[str, Any] = {"color": "0.35", "lw": 2.4}
+COLLAPSED: dict[str, Any] = {"color": "#d01c8b", "lw": 3.2}
 DASHES = {"slack": (0.0, (4.0, 2.5)), "loose": (0.0, (7.0, 1.5, 1.5, 1.5))}
 # View: horizontal and vertical axis, and whether the horizontal one runs to the left: what stands upwind and looks
 # downwind has the right wing (y > 0) on its left, and the top view keeps that.
@@ -131,8 +133,14 @@ def _draw(axes: "Axes", state: FinalState, view: tuple[int, int, bool], colours:
     def lines(which: np.ndarray | slice, segments: np.ndarray, gid: str, **look: Any) -> None:
         axes.add_collection(LineCollection(list(segments[which]), gid=gid, **look), autolim=False)
 
-    lines(slice(None), frame.undeformed[legs][..., at], "undeformed", colors="0.70", linewidths=0.6, zorder=2)
-    lines(frame.two_way[element], now, "springs", colors="0.25", linewidths=0.8, zorder=3)
+    bare = legs[~frame.canopy[element]]  # the wing surface shows the canopy, and tubes its undeformed outline
+    if frame.tubes is not None:
+        bare = np.concatenate([bare, frame.tubes.ends])
+        parts, fallen = frame.position[frame.tubes.ends][..., at], frame.tubes.collapsed
+        for gid, which, look in (("tubes", ~fallen, TUBE), ("collapsed", fallen, COLLAPSED)):
+            lines(which, parts, gid, colors=look["color"], linewidths=look["lw"], capstyle="round", zorder=3)
+    lines(slice(None), frame.undeformed[bare][..., at], "undeformed", colors="0.70", linewidths=0.6, zorder=2)
+    lines((frame.two_way & ~frame.canopy)[element], now, "springs", colors="0.25", linewidths=0.8, zorder=3)
     for gid, which, colour in (("slack", frame.slack, SLACK), ("loose", frame.loose, LOOSE)):
         lines(which[element], now, gid, colors=colour, linewidths=1.2, linestyles=[DASHES[gid]], zorder=5)
     if colours is not None:
@@ -155,7 +163,12 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
     frame = state.frame
     if frame is not None:
         kinds = (frame.two_way, frame.taut, frame.slack, frame.loose)
-        springs, taut, slack, loose = (int(which.sum()) for which in kinds)
+        springs, taut, slack, loose = (int((which & ~frame.canopy).sum()) for which in kinds)
+        if frame.tubes is not None:
+            collapsed = int(frame.tubes.collapsed.sum())
+            entries.append((Line2D([], [], **TUBE), f"tubes ({len(frame.tubes.names)})"))
+            if collapsed:
+                entries.append((Line2D([], [], **COLLAPSED), f"collapsed parts of tubes ({collapsed})"))
         if springs:
             entries.append((Line2D([], [], color="0.25", lw=0.8), f"springs, two-way ({springs})"))
         if taut:

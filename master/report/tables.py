@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.billowing import wing_sections
 from master.report.state import loose_lines
 
 if TYPE_CHECKING:
@@ -49,9 +50,10 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
 
 
 def write_state(
-    folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any
+    folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any, wing: Any = None
 ) -> list[str]:
-    """The final state as tables: nodes, elements, interface, panels and exposed lines, as far as the blocks are there.
+    """The final state as tables: nodes, elements, interface, panels and exposed lines, and tubes and sections of an
+    inflatable `wing`, as far as the blocks are there.
 
     `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`,
     `panels` and `lines`. Returns the names of the files.
@@ -64,8 +66,10 @@ def write_state(
         write_csv(folder / "nodes.csv", ["node", "x_m", "y_m", "z_m"], rows)
         written.append("nodes.csv")
     if "tension" in blocks:
-        tension = zip(names["tension"], blocks["tension"], strict=True)
-        write_csv(folder / "elements.csv", ["element", "tension_N"], [[n, repr(float(t))] for n, t in tension])
+        values = [blocks[name] for name in ("tension", "strain") if name in blocks]
+        header = ["element", "tension_N", "strain"][: 1 + len(values)]
+        rows = [[n, *map(repr, map(float, v))] for n, *v in zip(names["tension"], *values, strict=True)]
+        write_csv(folder / "elements.csv", header, rows)
         written.append("elements.csv")
     x = blocks["displacement"]
     rows = [
@@ -86,6 +90,16 @@ def write_state(
         header = ["line", "element", "node_1", "node_2", "diameter_m"]
         write_csv(folder / "line_loads.csv", [*header, *(f"load_{axis}_N_per_m" for axis in "xyz")], rows)
         written.append("line_loads.csv")
+    if wing is not None and {"tube_load", "tube_strain"} <= blocks.keys():
+        tubes = zip(wing.tubes.names, wing.tubes.radius, blocks["tube_load"], blocks["tube_strain"], strict=True)
+        rows = [[n, *map(repr, map(float, values))] for n, *values in tubes]
+        write_csv(folder / "tubes.csv", ["tube", "radius_m", "moment_over_collapse", "strain"], rows)
+        written.append("tubes.csv")
+    sections = wing_sections(wing, blocks.get("position"))
+    if sections is not None:
+        header = ["column", "y_m", "chord_m", "x_over_c", "z_over_c", "strut"]
+        write_csv(folder / "sections.csv", header, [[c, *map(repr, v), strut] for c, *v, strut in sections.rows()])
+        written.append("sections.csv")
     return written
 
 
