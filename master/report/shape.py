@@ -21,12 +21,13 @@ BLUE = (0.60, 0.75, 0.88)
 SLACK = "#b2182b"
 LOOSE = "#d95f02"
 TUBE, COLLAPSED = "0.58", "#d01c8b"
+THICK: dict[str, Any] = {"lw": 4.0, "solid_capstyle": "butt"}
 DASHES = {"slack": (0.0, (4.0, 2.5)), "loose": (0.0, (7.0, 1.5, 1.5, 1.5))}
 # View: horizontal and vertical axis, and whether the horizontal one runs to the left: what stands upwind and looks
 # downwind has the right wing (y > 0) on its left, and the top view keeps that.
 FRONT, SIDE, ABOVE = (1, 2, True), (0, 2, False), (1, 0, True)
 TITLES = {FRONT: "front view, from upwind", SIDE: "side view, from the left", ABOVE: "top view, from above"}
-STILL = {FRONT: "front view, along x", SIDE: "side view, from the left", ABOVE: "view against z"}
+STILL = {FRONT: "front view, along x", SIDE: "side view, from the left", ABOVE: "plan view, against z"}
 
 
 def shape_figure(
@@ -177,10 +178,10 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
         if frame.tubes is not None:
             collapsed, parts = int(frame.tubes.collapsed.sum()), len(frame.tubes.names)
             count = len(set(frame.tubes.tube))
-            entries.append((Line2D([], [], color=TUBE, lw=4.0), f"tubes, width to scale ({count})"))
+            entries.append((Line2D([], [], color=TUBE, **THICK), f"tubes, width to scale ({count})"))
             if collapsed:
-                text = f"collapsed parts of tubes ({collapsed} of {parts})"
-                entries.append((Line2D([], [], color=COLLAPSED, lw=4.0), text))
+                text = f"collapsed tube parts ({collapsed} of {parts})"
+                entries.append((Line2D([], [], color=COLLAPSED, **THICK), text))
         if springs:
             entries.append((Line2D([], [], color="0.25", lw=0.8), f"springs, two-way ({springs})"))
         if taut:
@@ -215,7 +216,9 @@ def _arrow(axes: "Axes", view: tuple[int, int, bool], points: np.ndarray, vector
     corner = min(corners, key=lambda c: np.count_nonzero(np.all(np.abs(places - c) < [0.25, 0.12], axis=1)))
     size = np.array([axes.bbox.width, axes.bbox.height]) / axes.figure.dpi
     half = 0.45 * vector[at] / np.linalg.norm(vector) / size  # of an arrow of 0.9 in
-    if abs(half[1]) > abs(half[0]):  # an upright one and its text keep off the frame
+    look: dict[str, Any] = {}
+    if abs(half[1]) > abs(half[0]):  # an upright one and its text keep off the frame and off what is behind
+        look["bbox"] = {"fc": "white", "ec": "none", "alpha": 0.85, "pad": 1.0}
         room = np.minimum(np.abs(half) + np.array([0.0, 0.25 / size[1]]), 0.5)
         corner = tuple(np.clip(corner, room, 1.0 - room))
     tail, head = tuple(np.array(corner) - half), tuple(np.array(corner) + half)
@@ -224,4 +227,4 @@ def _arrow(axes: "Axes", view: tuple[int, int, bool], points: np.ndarray, vector
     inward = 1.0 if corner[1] < 0.5 else -1.0
     height = corner[1] + inward * (abs(half[1]) + 0.04 / size[1])
     va = "bottom" if inward > 0.0 else "top"
-    axes.text(corner[0], height, text, transform=axes.transAxes, ha="center", va=va, zorder=7)
+    axes.text(corner[0], height, text, transform=axes.transAxes, ha="center", va=va, zorder=7, **look)
