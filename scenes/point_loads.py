@@ -27,8 +27,8 @@ def read_loads(scene):
         out.setdefault(load, []).append((node, direction / np.linalg.norm(direction)))
     if unknown := sorted(given.keys() - out.keys()):
         raise SceneError(
-            f"{scene.name}/scene.toml: [structure] load_values names '{unknown[0]}', which is not in {file}; there are: "
-            f"{', '.join(out)}."
+            f"{scene.name}/scene.toml: [structure] load_values names '{unknown[0]}', which is not in {file}; there "
+            f"are: {', '.join(out)}."
         )
     return out
 

@@ -224,10 +224,8 @@ class StructuralCore(Core):
         the start depends on it.
         """
         soft = []
-        start = 0
-        for group in chains:
+        for group, start in zip(chains, np.cumsum([0, *(len(c.l0) for c in chains)]), strict=False):
             area = self._members.area[start : start + len(group.l0)]
-            start += len(group.l0)
             k = np.where(area > 0.0, np.minimum(group.k, EASED * area / group.l0), group.k)
             soft.append(replace(group, k=k))
         if all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True)):
