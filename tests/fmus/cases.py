@@ -2,7 +2,6 @@
 
 import scenes
 
-
 FEW = 3  # of a longer list of options, as of load cases, the last one stands for the others
 
 
