@@ -16,6 +16,7 @@ from master.report import (
     print_table,
     print_written,
     versions,
+    wing_results,
     write_history,
     write_json,
     write_report,
@@ -57,6 +58,9 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
         },
     }
     content = summary(run, settings)
+    wing = wing_results(scene.members, run.blocks["structural"])
+    if wing is not None:
+        content["wing"] = wing
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = ready - begin
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.wing import TubeState, canopy_springs, tube_state
+
 if TYPE_CHECKING:
     from master.run import Run
 
@@ -19,33 +21,14 @@ def loose_lines(tension: np.ndarray, two_way: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class TubeState:
-    """Parts of inflated tubes: `names`, `ends` (t,2) nodes, `radius` (t,) m, `load` (t,) the bending moment over that
-    of collapse, `strain` (t,), and `rest_length` and `length` (t,) m between the ends.
-    """
-
-    names: tuple[str, ...]
-    ends: np.ndarray
-    radius: np.ndarray
-    load: np.ndarray
-    strain: np.ndarray
-    rest_length: np.ndarray
-    length: np.ndarray
-
-    @property
-    def collapsed(self) -> np.ndarray:
-        """Which parts carry the moment of collapse or more, (t,) bool."""
-        return self.load >= 1.0
-
-
-@dataclass(frozen=True, eq=False)
 class Frame:
     """Nodes and elements of the structure.
 
     `reference` (n,3) m is the design shape, `undeformed` (n,3) m the same turned to the attitude of the result,
     `position` (n,3) m the result; `chains` lists the nodes of each of the e elements; `tension` (e,) N, `two_way` (e,)
     bool, `rest_length` and `length` (e,) m; `supports` (n,) bool are nodes with a fixed direction. An inflatable wing
-    has `tubes`, and the `strain` (e,) of its elements.
+    has `tubes`, the `strain` (e,) of its elements, and those that are its `canopy` (e,) bool, counted as two-way here
+    because they are no lines: they go slack where the fabric wrinkles.
     """
 
     labels: tuple[str, ...]
@@ -59,13 +42,9 @@ class Frame:
     two_way: np.ndarray
     rest_length: np.ndarray
     length: np.ndarray
-    tubes: TubeState | None = None
-    strain: np.ndarray | None = None
-
-    @property
-    def canopy(self) -> np.ndarray:
-        """Which elements are springs that make up the canopy of an inflatable wing, (e,) bool."""
-        return self.two_way & (self.tubes is not None)
+    canopy: np.ndarray
+    tubes: TubeState | None
+    strain: np.ndarray | None
 
     @property
     def slack(self) -> np.ndarray:
@@ -205,19 +184,9 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
     supports = members.fixed.any(axis=1)
     return Frame(
         members.labels, members.nodes, undeformed, position, supports,
-        members.names, chains, blocks["tension"], two_way, rest, length, _tubes(members, blocks), blocks.get("strain"),
+        members.names, chains, blocks["tension"], two_way, rest, length,
+        canopy_springs(members), tube_state(members, blocks), blocks.get("strain"),
     )  # fmt: skip
-
-
-def _tubes(members: Any, blocks: dict[str, np.ndarray]) -> TubeState | None:
-    wing = getattr(members, "wing", None)
-    if wing is None or not {"tube_load", "tube_strain"} <= blocks.keys():
-        return None
-    tubes = wing.tubes
-    rest, length = (
-        np.linalg.norm(np.diff(x[tubes.ends], axis=1)[:, 0], axis=1) for x in (members.nodes, blocks["position"])
-    )
-    return TubeState(tubes.names, tubes.ends, tubes.radius, blocks["tube_load"], blocks["tube_strain"], rest, length)
 
 
 def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips | None:
