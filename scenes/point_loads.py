@@ -10,7 +10,9 @@ _COLUMNS = {"load": name, "node": name, "x": number, "y": number, "z": number}
 def read_loads(scene):
     """Parameter name -> list of (node index, direction (3,)) from the table of [structure] loads; empty without one."""
     file = scene.content["structure"]["loads"]
+    values = scene.content["structure"]["load_values"]
     if file is None:
+        _check_values(scene, values, ())
         return {}
     table = read_table(scene.folder / file, _COLUMNS)
     out: dict[str, list[tuple[int, np.ndarray]]] = {}
@@ -22,7 +24,19 @@ def read_loads(scene):
         if not direction.any():
             raise SceneError(f"{table.at(row)}: load '{load}' has no direction; correct x, y, z.")
         out.setdefault(load, []).append((node, direction / np.linalg.norm(direction)))
+    _check_values(scene, values, out)
     return out
+
+
+def _check_values(scene, values, known):
+    """`SceneError` for a value of a load that is not in the table."""
+    for load in values:
+        if load not in known:
+            there = f"there are: {', '.join(known)}" if known else "there are none; name a table of 'loads'"
+            raise SceneError(
+                f"{scene.name}/scene.toml: [structure] load_values names the load '{load}', which is not in the table "
+                f"of loads; {there}."
+            )
 
 
 def content_load(scene, load):
