@@ -7,10 +7,8 @@ NEEDED = ("ribs", "tube_pressure", "canopy_stiffness", "canopy_shear_stiffness")
 OF_FABRIC = ("tube_stiffness", "tube_shear_stiffness")
 # Keys and settings that say nothing without tubes, and settings that say nothing with them.
 _ONLY_TUBES = (*NEEDED, *OF_FABRIC, "attachments", "wing_mass", "canopy_density", "hold")
-_TUBE_SETTINGS, _STRUT_SETTINGS = (
-    ("canopy_stations", "canopy_subdivisions", "tube_law"),
-    ("chord", "panels_per_section"),
-)
+_TUBE_SETTINGS = ("canopy_stations", "canopy_subdivisions", "tube_law")
+_STRUT_SETTINGS = ("chord", "panels_per_section")
 
 
 def check_wing_keys(folder, structure, settings):
