@@ -4,8 +4,6 @@ import numpy as np
 
 from aero import StripPolars, SurfaceGrid, VortexStep
 
-FRACTIONS = np.array([0.0, 0.5, 1.0])
-
 
 def grid(strips, rows=2):
     """Interface grid of rows + 1 chord stations on strips + 1 sections, nodes numbered section by section."""
