@@ -82,7 +82,7 @@ def comparison(quick):
     return lines(
         table(names, rows),
         f"Lengths in m. All cases together {total:.1f} s from the design shape. Lcs goes from the middle of the "
-        "leading edge to the trailing edge end of the outermost strut: with that the lengths of the thesis follow from its "
+        "leading edge to the trailing edge end of the outermost strut: with that the thesis lengths follow from its "
         "errors in the stretched cases 4 and 5, with the tip they do not. Measured lengths: Haanen (2026).",
     )
 

@@ -120,7 +120,7 @@ def _tables(blocks: Iterable[str], scene: Scene) -> Iterable[tuple[str, str, Row
         indexed = " and ".join(f"{b}[i]" for b in ("tension", "strain") if b in blocks)
         title = f"Elements: index i of {indexed}; with their structural nodes, by name"
         yield title, "i name kind nodes", _numbered(zip(members.names, kinds, paths, strict=True))
-    if "tube_load" in blocks:
+    if members.wing is not None and "tube_load" in blocks:
         tubes = members.wing.tubes
         ends = (" – ".join(members.labels[n] for n in pair) for pair in tubes.ends)
         title = "Parts of tubes: index i of tube_load[i] and tube_strain[i]; with their structural nodes, by name"

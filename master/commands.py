@@ -16,6 +16,7 @@ from master.report import (
     print_table,
     print_written,
     versions,
+    wing_results,
     write_history,
     write_json,
     write_report,
@@ -57,12 +58,15 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
         },
     }
     content = summary(run, settings)
+    wing = wing_results(scene.members, run.blocks["structural"])
+    if wing is not None:
+        content["wing"] = wing
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = ready - begin
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     write_history(out / "history.csv", run.result.history)
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
-    written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface)]
+    written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface, scene.members.wing)]
     write_json(out / "summary.json", content)
     print_table(scene, run, content)
     lacking = missing_libraries() if choices["report"] else ""

@@ -10,9 +10,10 @@ _COLUMNS = {"load": name, "node": name, "x": number, "y": number, "z": number}
 def read_loads(scene):
     """Parameter name -> list of (node index, direction (3,)) from the table of [structure] loads; empty without one."""
     file = scene.content["structure"]["loads"]
-    values = scene.content["structure"]["load_values"]
+    given = scene.content["structure"]["load_values"]
     if file is None:
-        _check_values(scene, values, ())
+        if given:
+            raise SceneError(f"{scene.name}/scene.toml: [structure] load_values needs a table of 'loads'; add it.")
         return {}
     table = read_table(scene.folder / file, _COLUMNS)
     out: dict[str, list[tuple[int, np.ndarray]]] = {}
@@ -24,19 +25,12 @@ def read_loads(scene):
         if not direction.any():
             raise SceneError(f"{table.at(row)}: load '{load}' has no direction; correct x, y, z.")
         out.setdefault(load, []).append((node, direction / np.linalg.norm(direction)))
-    _check_values(scene, values, out)
+    if unknown := sorted(given.keys() - out.keys()):
+        raise SceneError(
+            f"{scene.name}/scene.toml: [structure] load_values names '{unknown[0]}', which is not in {file}; there "
+            f"are: {', '.join(out)}."
+        )
     return out
-
-
-def _check_values(scene, values, known):
-    """`SceneError` for a value of a load that is not in the table."""
-    for load in values:
-        if load not in known:
-            there = f"there are: {', '.join(known)}" if known else "there are none; name a table of 'loads'"
-            raise SceneError(
-                f"{scene.name}/scene.toml: [structure] load_values names the load '{load}', which is not in the table "
-                f"of loads; {there}."
-            )
 
 
 def content_load(scene, load):

@@ -12,6 +12,7 @@ import numpy as np
 from master.report.console import print_table, print_written
 from master.report.state import final_state, status_text
 from master.report.tables import result_rows, versions, write_history, write_json, write_state, write_whole
+from master.report.wing import wing_results
 
 if TYPE_CHECKING:
     from master.run import Run
@@ -24,6 +25,7 @@ __all__ = [
     "print_written",
     "result_rows",
     "versions",
+    "wing_results",
     "write_history",
     "write_json",
     "write_report",
@@ -32,18 +34,24 @@ __all__ = [
 ]
 
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
-TABLES = ("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv")
+TABLES = (
+    *("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv"),
+    *("tubes.csv", "sections.csv"),
+)
 ANGLE = (
     "Effective angle: chord to the local flow with induced velocity, hence closer to zero lift than the angle to the "
     "free stream (in strip theory, without induced velocity, equal)"
 )
 CAPTIONS = {
     "shape": "Flown shape with line tensions, three views to one scale",
+    "billowing": "Billowing of the canopy: sections between the struts and, thin and grey, at the struts, each along "
+    "its own chord, and camber, the largest distance of a section from its chord, along the span",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
     "strips": f"Loads, effective angle of attack and circulation along the span. {ANGLE}",
     "polars": "Operating points of the strips on their section polars, coloured by distance from mid-span; left and "
     f"right half of a diamond coincide where the kite is symmetric. {ANGLE}",
 }
+AT_REST = "Shape at rest in still air with line tensions, three views to one scale"
 MESHES = ("wing.vtu", "structure.vtu", "lines.vtu")
 PAGE = "report.html"
 REPORT = (*(f"{name}.{kind}" for name in CAPTIONS for kind in ("png", "svg")), *MESHES, PAGE)
@@ -71,9 +79,10 @@ def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, 
     sentence = missing_libraries()
     if sentence:
         raise ModuleNotFoundError(sentence)
-    from master.report import figures, shape, vtk
+    from master.report import billowing, figures, shape, vtk
     from master.report.convergence import convergence_figure
     from master.report.page import page
+    from master.report.sections import wing_sections
 
     state = final_state(scene, run)
     status, settings = status_text(run.status), content.get("settings", {})
@@ -82,16 +91,20 @@ def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, 
     if {"wind_speed", "wind_direction"} <= aero.keys():
         wind = float(aero["wind_speed"]) * aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
         title += f", wind {float(aero['wind_speed']):g} m/s"
-    drawn = {
-        "shape": shape.shape_figure(state, title, status, wind),
-        "convergence": convergence_figure(
-            run.result.history,
-            f"{title}, {status}",
-            settings.get("tolerance"),
-            settings.get("force_tolerance"),
-            run.result.residual_N,
-        ),
-    }
+    elif not scene.has_flow:
+        title += ", in still air"
+    gravity = np.array([0.0, 0.0, -float(run.blocks["structural"].get("gravity", 0.0))])
+    drawn = {"shape": shape.shape_figure(state, title, status, wind, gravity)}
+    sections = wing_sections(scene.members.wing, None if state.frame is None else state.frame.position)
+    if sections is not None:
+        drawn["billowing"] = billowing.billowing_figure(sections, f"{title}, {status}")
+    drawn["convergence"] = convergence_figure(
+        run.result.history,
+        f"{title}, {status}",
+        settings.get("tolerance"),
+        settings.get("force_tolerance"),
+        run.result.residual_N if scene.has_flow else None,  # no flow to evaluate again
+    )
     if state.strips is not None:
         drawn["strips"] = figures.strip_figure(state.strips, f"{title}, {status}")
         if state.strips.coefficients is not None:
@@ -103,7 +116,8 @@ def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, 
         content_of["structure.vtu"] = vtk.structure_file(state.frame)
     if len(state.surface.lines):
         content_of["lines.vtu"] = vtk.lines_file(state.surface)
-    shown = {name: (CAPTIONS[name], image["svg"]) for name, image in images.items()}
+    captions = CAPTIONS if scene.has_flow else {**CAPTIONS, "shape": AT_REST}
+    shown = {name: (captions[name], image["svg"]) for name, image in images.items()}
     content_of[PAGE] = page(scene, run, content, state, shown)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from master.report.state import FinalState, Frame, status_text
 from master.report.tables import result_rows
+from master.report.wing import TubeState
 
 if TYPE_CHECKING:
     from master.run import Run
@@ -35,6 +36,8 @@ HISTORY = {
     "aero.alpha_mid": "angle of attack, deg",
 }
 COEFFICIENTS = ("CL", "CD", "CS")  # outputs that are the parts of one vector
+MOST = 20  # rows of the table of the canopy
+TIE = 9  # digits; what is equal to them keeps the order of the scene
 ROUNDING = 1e-12  # of the size of a vector: what is left of a zero, and shown as such
 Table = dict[str, Any]  # title, header, rows of cells, marked: rows that stand out
 
@@ -53,8 +56,7 @@ def page(
     ]
     tables = [
         _outputs(content, variables),
-        _lines(state),
-        _springs(state),
+        *_structure(state.frame),
         _strips(state),
         _history(run),
         _settings(scene, content),
@@ -145,32 +147,60 @@ def _parameters(run: "Run", content: dict[str, Any], variables: dict[str, Any]) 
     return _table("Parameters", ["parameter", "value", "unit", "meaning", "origin"], rows)
 
 
-def _elements(title: str, frame: Frame | None, which: Any, state_of: Any) -> Table:
+def _elements(title: str, frame: Frame, chosen: np.ndarray, state_of: Any) -> Table:
     header = ["element", "nodes", "rest length, m", "length, m", "elongation, %", "tension, N", "state"]
-    if frame is None:
-        return _table(title, header, [])
-    chosen = np.flatnonzero(which(frame))
     rows = []
     for i in chosen:
         rest = frame.rest_length[i]
         stretch = 100.0 * (frame.length[i] / rest - 1.0) if rest > 0.0 else "\u2013"
         path = " \u2013 ".join(frame.labels[n] for n in frame.chains[i])
-        rows.append([frame.names[i], path, rest, frame.length[i], stretch, frame.tension[i], state_of(frame, i)])
+        rows.append([frame.names[i], path, rest, frame.length[i], stretch, frame.tension[i], state_of(i)])
     return _table(title, header, rows, np.flatnonzero(frame.slack[chosen]))
 
 
-def _lines(state: FinalState) -> Table:
-    def state_of(frame: Frame, i: int) -> str:
+def _structure(frame: Frame | None) -> list[Table]:
+    """Tables of lines, tubes, springs and canopy."""
+    if frame is None:
+        return []
+
+    def line(i: int) -> str:
         return "slack" if frame.slack[i] else "loose" if frame.loose[i] else "taut"
 
-    return _elements("Lines", state.frame, lambda f: ~f.two_way, state_of)
-
-
-def _springs(state: FinalState) -> Table:
-    def state_of(frame: Frame, i: int) -> str:
+    def spring(i: int) -> str:
         return "tension" if frame.tension[i] >= 0.0 else "compression"
 
-    return _elements("Springs (two-way)", state.frame, lambda f: f.two_way, state_of)
+    springs, canopy = frame.two_way & ~frame.canopy, np.flatnonzero(frame.canopy)
+    stretch = frame.length[canopy] / frame.rest_length[canopy] - 1.0
+    most = canopy[np.argsort(-np.round(stretch, TIE), kind="stable")[:MOST]]
+    slack = np.count_nonzero(frame.tension[canopy] <= 0.0)
+    return [
+        _elements("Lines", frame, np.flatnonzero(~frame.two_way), line),
+        _tubes(frame.tubes),
+        _elements("Springs (two-way)", frame, np.flatnonzero(springs), spring),
+        _elements(
+            f"Canopy (the {len(most)} most stretched of {len(canopy)} springs, {slack} of them slack)",
+            frame, most, lambda i: "tension" if frame.tension[i] > 0.0 else "slack",
+        ),
+    ]  # fmt: skip
+
+
+def _tubes(tubes: TubeState | None) -> Table:
+    """A row per tube with what the most loaded of its parts carries, those closest to collapse first."""
+    header = ["tube", "parts", "radius, m", "moment / collapse moment", "in part", "strain, %", "collapsed parts"]
+    if tubes is None:
+        return _table("Tubes", header, [])
+    of, parts = np.array(tubes.tube), {name: np.flatnonzero(np.array(tubes.tube) == name) for name in tubes.tube}
+    most = {name: own[np.argmax(np.round(tubes.load[own], TIE))] for name, own in parts.items()}
+    # equal but for rounding: in the order of the scene, so that left and right do not take turns
+    order = sorted(parts, key=lambda name: -round(float(tubes.load[most[name]]), TIE))
+    rows = []
+    for name in order:
+        own, i = parts[name], most[name]
+        fallen = ", ".join(tubes.names[k] for k in own[tubes.collapsed[own]]) or "none"
+        strain = 100.0 * tubes.strain[own].max()
+        rows.append([name, len(own), tubes.radius[own].mean(), tubes.load[i], tubes.names[i], strain, fallen])
+    marked = [k for k, name in enumerate(order) if tubes.collapsed[of == name].any()]
+    return _table("Tubes (largest values of their parts; all parts: tubes.csv)", header, rows, marked)
 
 
 def _strips(state: FinalState) -> Table:

@@ -20,19 +20,28 @@ TALLEST = 9.0  # in, front and top view together
 BLUE = (0.60, 0.75, 0.88)
 SLACK = "#b2182b"
 LOOSE = "#d95f02"
+TUBE, COLLAPSED = "0.58", "#d01c8b"
+THICK: dict[str, Any] = {"lw": 4.0, "solid_capstyle": "butt"}
 DASHES = {"slack": (0.0, (4.0, 2.5)), "loose": (0.0, (7.0, 1.5, 1.5, 1.5))}
 # View: horizontal and vertical axis, and whether the horizontal one runs to the left: what stands upwind and looks
 # downwind has the right wing (y > 0) on its left, and the top view keeps that.
 FRONT, SIDE, ABOVE = (1, 2, True), (0, 2, False), (1, 0, True)
 TITLES = {FRONT: "front view, from upwind", SIDE: "side view, from the left", ABOVE: "top view, from above"}
+STILL = {FRONT: "front view, along x", SIDE: "side view, from the left", ABOVE: "plan view, against z"}
 
 
-def shape_figure(state: FinalState, title: str, status: str = "converged", wind: np.ndarray | None = None) -> "Figure":
+def shape_figure(
+    state: FinalState,
+    title: str,
+    status: str = "converged",
+    wind: np.ndarray | None = None,
+    gravity: np.ndarray | None = None,
+) -> "Figure":
     """Undeformed and deformed structure with line tensions N and the wing surface; axes in m, equal scales.
 
-    `wind` (3,) m/s is drawn as an arrow; a `status` other than converged is shown in red. The undeformed shape is the
-    design shape, turned as a rigid body to the attitude of the wing where the scene can pitch, so that what differs is
-    deformation.
+    `wind` (3,) m/s is drawn as an arrow, or without a wind `gravity` (3,) m/s2, which may act upwards; a `status` other
+    than converged is shown in red. The undeformed shape is the design shape, turned as a rigid body to the attitude of
+    the wing where the scene can pitch, so that what differs is deformation.
     """
     frame = state.frame
     points = state.surface.position
@@ -64,10 +73,12 @@ def shape_figure(state: FinalState, title: str, status: str = "converged", wind:
         }
         colours = None if frame is None else _colours(frame)
         for view, axes in views.items():
-            _frame_axes(axes, view, middle, scale)
-            _draw(axes, state, view, colours)
+            _frame_axes(axes, view, middle, scale, TITLES if wind is not None else STILL)
+            _draw(axes, state, view, colours, scale)
         if wind is not None and np.any(wind):
-            _wind(views[SIDE], SIDE, points, wind)
+            _arrow(views[SIDE], SIDE, points, wind, f"wind {np.linalg.norm(wind):.4g} m/s")
+        elif wind is None and gravity is not None and np.any(gravity):
+            _arrow(views[SIDE], SIDE, points, gravity, f"gravity {np.linalg.norm(gravity):.4g} m/s\u00b2")
         key = axes_at(figure, LEFT + front[0] + GAP, BOTTOM, side[0], above[1] - 0.05)
         key.set_axis_off()
         key.legend(handles, labels, loc="upper left", borderaxespad=0.0, handlelength=2.2, labelspacing=0.35)
@@ -78,7 +89,7 @@ def shape_figure(state: FinalState, title: str, status: str = "converged", wind:
     return figure
 
 
-def _frame_axes(axes: "Axes", view: tuple[int, int, bool], middle: np.ndarray, scale: float) -> None:
+def _frame_axes(axes: "Axes", view: tuple[int, int, bool], middle: np.ndarray, scale: float, titles: Any) -> None:
     """Limits that give all views one scale (in per m), ticks at one spacing, titles and labels."""
     from matplotlib.ticker import MultipleLocator
 
@@ -88,7 +99,7 @@ def _frame_axes(axes: "Axes", view: tuple[int, int, bool], middle: np.ndarray, s
     axes.set_xlim(*(ends[::-1] if leftward else ends))
     axes.set_ylim(middle[v] - 0.5 * size[1], middle[v] + 0.5 * size[1])
     axes.set_aspect("equal")
-    axes.set_title(TITLES[view], loc="left", pad=3.0)
+    axes.set_title(titles[view], loc="left", pad=3.0)
     least = 0.42 / scale  # m between ticks
     decade = 10.0 ** np.floor(np.log10(least))
     step = next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= least)
@@ -115,7 +126,8 @@ def _colours(frame: Frame) -> Any:
     return ScalarMappable(Normalize(0.0, float(frame.tension[taut].max())), cut)
 
 
-def _draw(axes: "Axes", state: FinalState, view: tuple[int, int, bool], colours: Any) -> None:
+def _draw(axes: "Axes", state: FinalState, view: tuple[int, int, bool], colours: Any, scale: float) -> None:
+    """Surface and structure in a view of `scale` in per m."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     at = list(view[:2])
@@ -131,8 +143,15 @@ def _draw(axes: "Axes", state: FinalState, view: tuple[int, int, bool], colours:
     def lines(which: np.ndarray | slice, segments: np.ndarray, gid: str, **look: Any) -> None:
         axes.add_collection(LineCollection(list(segments[which]), gid=gid, **look), autolim=False)
 
-    lines(slice(None), frame.undeformed[legs][..., at], "undeformed", colors="0.70", linewidths=0.6, zorder=2)
-    lines(frame.two_way[element], now, "springs", colors="0.25", linewidths=0.8, zorder=3)
+    bare = legs[~frame.canopy[element]]  # the wing surface shows the canopy, and tubes its undeformed outline
+    if frame.tubes is not None:
+        bare = np.concatenate([bare, frame.tubes.ends])
+        parts, fallen = frame.position[frame.tubes.ends][..., at], frame.tubes.collapsed
+        wide = 72.0 * scale * 2.0 * frame.tubes.radius  # points
+        for gid, which, colour, z in (("tubes", ~fallen, TUBE, 3.0), ("collapsed", fallen, COLLAPSED, 3.2)):
+            lines(which, parts, gid, colors=colour, linewidths=wide[which], capstyle="round", zorder=z)
+    lines(slice(None), frame.undeformed[bare][..., at], "undeformed", colors="0.70", linewidths=0.6, zorder=2)
+    lines((frame.two_way & ~frame.canopy)[element], now, "springs", colors="0.25", linewidths=0.8, zorder=3)
     for gid, which, colour in (("slack", frame.slack, SLACK), ("loose", frame.loose, LOOSE)):
         lines(which[element], now, gid, colors=colour, linewidths=1.2, linestyles=[DASHES[gid]], zorder=5)
     if colours is not None:
@@ -155,7 +174,14 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
     frame = state.frame
     if frame is not None:
         kinds = (frame.two_way, frame.taut, frame.slack, frame.loose)
-        springs, taut, slack, loose = (int(which.sum()) for which in kinds)
+        springs, taut, slack, loose = (int((which & ~frame.canopy).sum()) for which in kinds)
+        if frame.tubes is not None:
+            collapsed, parts = int(frame.tubes.collapsed.sum()), len(frame.tubes.names)
+            count = len(set(frame.tubes.tube))
+            entries.append((Line2D([], [], color=TUBE, **THICK), f"tubes, width to scale ({count})"))
+            if collapsed:
+                text = f"collapsed tube parts ({collapsed} of {parts})"
+                entries.append((Line2D([], [], color=COLLAPSED, **THICK), text))
         if springs:
             entries.append((Line2D([], [], color="0.25", lw=0.8), f"springs, two-way ({springs})"))
         if taut:
@@ -181,19 +207,24 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
         return [handle for handle, _ in entries], [wrapped(text, LEGEND) for _, text in entries]
 
 
-def _wind(axes: "Axes", view: tuple[int, int, bool], points: np.ndarray, wind: np.ndarray) -> None:
-    """An arrow along the wind in the corner of the view that holds the fewest points."""
+def _arrow(axes: "Axes", view: tuple[int, int, bool], points: np.ndarray, vector: np.ndarray, text: str) -> None:
+    """An arrow along a vector, with a text, in the corner of the view that holds the fewest points."""
     at = list(view[:2])
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     places = (points[:, at] - limits[:, 0]) / (limits[:, 1] - limits[:, 0])
     corners = [(x, y) for y in (0.12, 0.88) for x in (0.75, 0.25)]
     corner = min(corners, key=lambda c: np.count_nonzero(np.all(np.abs(places - c) < [0.25, 0.12], axis=1)))
     size = np.array([axes.bbox.width, axes.bbox.height]) / axes.figure.dpi
-    half = 0.45 * wind[at] / np.linalg.norm(wind) / size  # of an arrow of 0.9 in
+    half = 0.45 * vector[at] / np.linalg.norm(vector) / size  # of an arrow of 0.9 in
+    look: dict[str, Any] = {}
+    if abs(half[1]) > abs(half[0]):  # an upright one and its text keep off the frame and off what is behind
+        look["bbox"] = {"fc": "white", "ec": "none", "alpha": 0.85, "pad": 1.0}
+        room = np.minimum(np.abs(half) + np.array([0.0, 0.25 / size[1]]), 0.5)
+        corner = tuple(np.clip(corner, room, 1.0 - room))
     tail, head = tuple(np.array(corner) - half), tuple(np.array(corner) + half)
     arrow = {"arrowstyle": "-|>", "color": "black", "lw": 1.0, "shrinkA": 0.0, "shrinkB": 0.0}
     axes.annotate("", head, tail, "axes fraction", "axes fraction", arrowprops=arrow, zorder=7)
     inward = 1.0 if corner[1] < 0.5 else -1.0
     height = corner[1] + inward * (abs(half[1]) + 0.04 / size[1])
-    text, va = f"wind {np.linalg.norm(wind):.4g} m/s", "bottom" if inward > 0.0 else "top"
-    axes.text(corner[0], height, text, transform=axes.transAxes, ha="center", va=va, zorder=7)
+    va = "bottom" if inward > 0.0 else "top"
+    axes.text(corner[0], height, text, transform=axes.transAxes, ha="center", va=va, zorder=7, **look)

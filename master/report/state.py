@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.wing import TubeState, canopy_springs, tube_state
+
 if TYPE_CHECKING:
     from master.run import Run
 
@@ -24,7 +26,9 @@ class Frame:
 
     `reference` (n,3) m is the design shape, `undeformed` (n,3) m the same turned to the attitude of the result,
     `position` (n,3) m the result; `chains` lists the nodes of each of the e elements; `tension` (e,) N, `two_way` (e,)
-    bool, `rest_length` and `length` (e,) m; `supports` (n,) bool are nodes with a fixed direction.
+    bool, `rest_length` and `length` (e,) m; `supports` (n,) bool are nodes with a fixed direction. An inflatable wing
+    has `tubes`, the `strain` (e,) of its elements, and those that are its `canopy` (e,) bool, counted as two-way here
+    because they are no lines: they go slack where the fabric wrinkles.
     """
 
     labels: tuple[str, ...]
@@ -38,6 +42,9 @@ class Frame:
     two_way: np.ndarray
     rest_length: np.ndarray
     length: np.ndarray
+    canopy: np.ndarray
+    tubes: TubeState | None
+    strain: np.ndarray | None
 
     @property
     def slack(self) -> np.ndarray:
@@ -178,6 +185,7 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
     return Frame(
         members.labels, members.nodes, undeformed, position, supports,
         members.names, chains, blocks["tension"], two_way, rest, length,
+        canopy_springs(members), tube_state(members, blocks), blocks.get("strain"),
     )  # fmt: skip
 
 

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.sections import COLUMNS, wing_sections
 from master.report.state import loose_lines
+from master.report.wing import wing_rows
 
 if TYPE_CHECKING:
     from master.run import Run
@@ -49,9 +51,10 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
 
 
 def write_state(
-    folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any
+    folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any, wing: Any = None
 ) -> list[str]:
-    """The final state as tables: nodes, elements, interface, panels and exposed lines, as far as the blocks are there.
+    """The final state as tables: nodes, elements, interface, panels and exposed lines, and tubes and sections of an
+    inflatable `wing`, as far as the blocks are there.
 
     `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`,
     `panels` and `lines`. Returns the names of the files.
@@ -64,8 +67,10 @@ def write_state(
         write_csv(folder / "nodes.csv", ["node", "x_m", "y_m", "z_m"], rows)
         written.append("nodes.csv")
     if "tension" in blocks:
-        tension = zip(names["tension"], blocks["tension"], strict=True)
-        write_csv(folder / "elements.csv", ["element", "tension_N"], [[n, repr(float(t))] for n, t in tension])
+        values = [blocks[name] for name in ("tension", "strain") if name in blocks]
+        header = ["element", "tension_N", "strain"][: 1 + len(values)]
+        rows = [[n, *map(repr, map(float, v))] for n, *v in zip(names["tension"], *values, strict=True)]
+        write_csv(folder / "elements.csv", header, rows)
         written.append("elements.csv")
     x = blocks["displacement"]
     rows = [
@@ -86,6 +91,17 @@ def write_state(
         header = ["line", "element", "node_1", "node_2", "diameter_m"]
         write_csv(folder / "line_loads.csv", [*header, *(f"load_{axis}_N_per_m" for axis in "xyz")], rows)
         written.append("line_loads.csv")
+    if wing is not None and {"tube_load", "tube_strain"} <= blocks.keys():
+        tubes = zip(wing.tubes.names, wing.tubes.radius, blocks["tube_load"], blocks["tube_strain"], strict=True)
+        rows = [[n, *map(repr, map(float, values))] for n, *values in tubes]
+        write_csv(folder / "tubes.csv", ["tube", "radius_m", "moment_over_collapse", "strain"], rows)
+        written.append("tubes.csv")
+    sections = wing_sections(wing, blocks.get("position"))
+    if sections is not None:
+        write_csv(
+            folder / "sections.csv", list(COLUMNS), [[c, *map(repr, v), strut] for c, *v, strut in sections.rows()]
+        )
+        written.append("sections.csv")
     return written
 
 
@@ -133,7 +149,9 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.insert(-1, ("wind force on lines", _vector(aero["line_force"]) + " N"))
     mass = float(scene.members.mass_with(float(structural.get("wing_mass", scene.members.wing_mass.sum()))).sum())
     if mass > 0.0:
-        weight = f"{float(structural['gravity']) * mass:.2f} N, " if "gravity" in structural else ""
+        gravity = float(structural.get("gravity", 0.0))
+        upwards = " towards +z" if gravity < 0.0 else ""
+        weight = f"{abs(gravity) * mass:.2f} N{upwards}, " if "gravity" in structural else ""
         rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
         rows.insert(7, ("lift over drag", f"{float(aero['glide_ratio']):.3f}"))
@@ -149,8 +167,12 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.append(("slack lines", ", ".join(slack) or "none"))
         loose = [f"{lines[i]} ({tension[i]:.2g} N)" for i in np.flatnonzero(loose_lines(tension, two_way))]
         rows.append(("loose lines", ", ".join(loose) or "none"))
-    if "tube_load" in structural:
-        rows += _wing_rows(scene, structural)
+    rows += wing_rows(scene.members, structural)
+    if "holding_force" in structural and float(structural.get("hold_roll_and_yaw", 0.0)):
+        held = (
+            f"{float(structural['holding_force']):.2f} N sideways, moment {_vector(structural['holding_moment'])} N m"
+        )
+        rows.append(("holds roll and yaw", held))
     wall = content["wall_time_s"]
     rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
     return rows
@@ -165,29 +187,6 @@ def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]
         ("tip span", f"{float(aero['tip_span']):.4f} m"),
         ("aerodynamic force", _vector(aero["force"]) + " N"),
     ]
-
-
-def _wing_rows(scene: Any, structural: dict[str, np.ndarray]) -> list[tuple[str, str]]:
-    """Strains and loads of lines, canopy and tubes of an inflatable wing."""
-    line = scene.members.area > 0.0
-    strain, load = structural["strain"], structural["tube_load"]
-    names, tubes = np.array(scene.members.names, dtype=object), np.array(scene.members.wing.tubes.names, dtype=object)
-    rows = []
-    for what, which in (("line", line), ("canopy", ~line)):
-        most = np.flatnonzero(which)[np.argmax(strain[which])]
-        rows.append((f"largest {what} strain", f"{100.0 * strain[most]:.3g} % in {names[most]}"))
-    most = int(np.argmax(structural["tube_strain"]))
-    rows.append(("largest tube strain", f"{100.0 * structural['tube_strain'][most]:.3g} % in {tubes[most]}"))
-    most = int(np.argmax(load))
-    rows.append(("largest tube moment", f"{100.0 * load[most]:.0f} % of collapse, in {tubes[most]}"))
-    collapsed = [f"{n} ({100.0 * v:.0f} %)" for n, v in zip(tubes[load >= 1.0], load[load >= 1.0], strict=True)]
-    rows.append(("collapsed parts of tubes", ", ".join(collapsed) or "none"))
-    if "holding_force" in structural and float(structural.get("hold_roll_and_yaw", 0.0)):
-        held = (
-            f"{float(structural['holding_force']):.2f} N sideways, moment {_vector(structural['holding_moment'])} N m"
-        )
-        rows.append(("holds roll and yaw", held))
-    return rows
 
 
 def _residual(value: float, unit: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 
 from master.report.state import Frame, Surface
 
-KINDS = {"spring": 0, "line": 1, "rope over sheaves": 2}  # numbers of the cell data `kind`
+KINDS = {"spring": 0, "line": 1, "rope over sheaves": 2, "tube": 3, "canopy": 4}  # numbers of the cell data `kind`
 
 
 def wing_file(surface: Surface) -> bytes:
@@ -39,11 +39,15 @@ def wing_file(surface: Surface) -> bytes:
 
 def structure_file(frame: Frame) -> bytes:
     """The elements as lines, a rope over sheaves as its legs: tension_N, slack (1 or 0), kind (0 spring, two-way;
-    1 line; 2 rope over sheaves), rest_length_m and length_m of the whole element, and its number.
+    1 line; 2 rope over sheaves; 4 canopy, tension only), rest_length_m and length_m of the whole element, its number.
+
+    With the parts of the tubes of an inflatable wing behind them (kind 3; `tube` counts them, `element` is 0):
+    tube_load, the bending moment over that of collapse, and tube_strain, both 0 elsewhere, and strain, 0 for tubes.
     """
     legs, element = frame.legs
     sheaves = np.array([len(chain) > 2 for chain in frame.chains])
     kind = np.where(frame.two_way, KINDS["spring"], np.where(sheaves, KINDS["rope over sheaves"], KINDS["line"]))
+    kind = np.where(frame.canopy, KINDS["canopy"], kind)
     data = {
         "element": np.arange(1, len(frame.chains) + 1),
         "tension_N": frame.tension,
@@ -57,7 +61,23 @@ def structure_file(frame: Frame) -> bytes:
         "displacement_m": frame.position - frame.reference,
         "fixed": frame.supports.astype(np.int64),
     }
-    return _vtu(frame.position, [("line", legs)], points, {name: [values[element]] for name, values in data.items()})
+    cells = {name: values[element] for name, values in data.items()}
+    if frame.tubes is not None:
+        tubes = frame.tubes
+        strain = np.zeros(len(frame.chains)) if frame.strain is None else frame.strain
+        cells |= {"strain": strain[element]} | dict.fromkeys(("tube", "tube_load", "tube_strain"), np.zeros(len(legs)))
+        own = {
+            "tube": np.arange(1, len(tubes.names) + 1),
+            "kind": np.full(len(tubes.names), KINDS["tube"]),
+            "rest_length_m": tubes.rest_length,
+            "length_m": tubes.length,
+            "tube_load": tubes.load,
+            "tube_strain": tubes.strain,
+        }
+        cells["tube"] = cells["tube"].astype(np.int64)
+        legs, none = np.concatenate([legs, tubes.ends]), np.zeros(len(tubes.names))
+        cells = {k: np.concatenate([v, own.get(k, none.astype(v.dtype))]) for k, v in cells.items()}
+    return _vtu(frame.position, [("line", legs)], points, {name: [values] for name, values in cells.items()})
 
 
 def lines_file(surface: Surface) -> bytes:

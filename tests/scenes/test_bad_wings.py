@@ -105,6 +105,7 @@ WINGS = {
     "pressure of a bottle": (_replaced(TOML, "tube_pressure = 3", "tube_pressure = 93"), ["tube_pressure", "300000"]),
     "pressure beyond the fits": (_replaced(TOML, "= 30000.0", "= 290000.0"), ["tube_pressure", "290000", "fits"]),
     "wing lighter than its canopy": (_replaced(TOML, "wing_mass = 11.0", "wing_mass = 1.0"), ["wing_mass", "4.15"]),
+    "nothing held": (_replaced("nodes.csv", "0,0.0,0.0,0.0,xyz", "0,0.0,0.0,0.0,"), ["nodes.csv", "fixed"]),
     "held off the plane of symmetry": (_replaced(TOML, '"le_mid"', '"7"'), ["hold", "7", "y = 0"]),
     "held at no tube": (_replaced(TOML, '"le_mid"', '"te_mid"'), ["hold", "te_mid", "tube"]),
     "held at a missing node": (_replaced(TOML, '"le_mid"', '"le_middle"'), ["hold", "'le_middle'"]),
@@ -131,7 +132,7 @@ HANGING = {
     "value of an unknown load": (
         _replaced(TOML, LOADS, "load_values = { center_load = 9.0 }"), ["load_values", "'center_load'", "centre_load"]
     ),
-    "value of a load without a table": (_replaced(TOML, 'loads = "loads.csv"\n', ""), ["load_values", "'centre_load'"]),
+    "value of a load without a table": (_replaced(TOML, 'loads = "loads.csv"\n', ""), ["load_values", "'loads'"]),
     "value that is a text": (_replaced(TOML, LOADS, 'load_values = { centre_load = "9" }'), ["load_values", "number"]),
     "load named as another variable": (
         _both(_replaced(TOML, LOADS, ""), _replaced("loads.csv", "centre_load", "pressure")), ["'pressure'"]
