@@ -48,6 +48,10 @@ at every second round. That is the explicit scheme: it need not settle, and a ki
 tips, rolled over), so look at lift and span of the one that was reached. Passing on only a part of each change, or a
 master that accelerates (the command line of this project), settles where it does not.</p>
 """
+ALONE = """<h2>Without a flow</h2>
+<p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
+equilibrium under gravity, the point loads among the parameters, and what was set.</p>
+"""
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
 pivot, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the angle at which wind and
 weight leave no pitching moment in the wind given there. In another wind, or far from that angle, the first steps are
@@ -84,7 +88,7 @@ def _scene(instance: CoreFmu, scene: Scene) -> str:
     """Order of exchange, signs, and a table for every kind of thing that an index counts."""
     blocks = instance.blocks
     loads = [f"<code>{name}</code>" for name in ("pressure", "shear", "line_load") if name in blocks]
-    text = EXCHANGE.format(loads=", ".join(loads))
+    text = (EXCHANGE if scene.has_flow else ALONE).format(loads=", ".join(loads))
     if "trim_angle" in blocks:
         text += TRIM.format(value=instance.get_real([blocks["trim_angle"][1].start])[0])
     text += SIGNS.format(shear=SHEAR if "shear" in blocks else "")
@@ -104,16 +108,23 @@ def _tables(blocks: Iterable[str], scene: Scene) -> Iterable[tuple[str, str, Row
         title = "Exposed lines: index i of line_load[i,·]; from interface node to interface node"
         yield title, "i from to diameter element", _numbered([*ends, diameter, name] for ends, diameter, name in lines)
     if "alpha" in blocks:
-        strips = len(mesh.sections) - 1
-        title = "Strips: index i of alpha[i] and circulation[i], left tip first; panels before and behind mid-chord"
-        yield title, "i front rear", _numbered((i, i + strips) for i in range(1, strips + 1))
+        strips, rows = (n - 1 for n in mesh.sections.shape)
+        title = "Strips: index i of alpha[i] and circulation[i], left tip first; their panels from front to rear"
+        heads = "front rear" if rows == 2 else " ".join(f"panel_{k + 1}" for k in range(rows))
+        yield title, f"i {heads}", _numbered([i + k * strips for k in range(rows)] for i in range(1, strips + 1))
     if "tension" in blocks:
         chains = [nodes for group in members.chains for nodes in group.nodes]
         paths = (" – ".join(members.labels[n] for n in chain) for chain in chains)
         two_way = np.concatenate([group.two_way for group in members.chains])
         kinds = np.where(two_way, "spring", "tension only")
-        title = "Elements: index i of tension[i]; with their structural nodes, by name"
+        indexed = " and ".join(f"{b}[i]" for b in ("tension", "strain") if b in blocks)
+        title = f"Elements: index i of {indexed}; with their structural nodes, by name"
         yield title, "i name kind nodes", _numbered(zip(members.names, kinds, paths, strict=True))
+    if members.wing is not None and "tube_load" in blocks:
+        tubes = members.wing.tubes
+        ends = (" – ".join(members.labels[n] for n in pair) for pair in tubes.ends)
+        title = "Parts of tubes: index i of tube_load[i] and tube_strain[i]; with their structural nodes, by name"
+        yield title, "i name diameter nodes", _numbered(zip(tubes.names, 2.0 * tubes.radius, ends, strict=True))
     if "position" in blocks:
         nodes = zip(members.labels, members.nodes, strict=True)
         title = "Structural nodes: index i of position[i,·]"

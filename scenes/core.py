@@ -37,7 +37,7 @@ class Core:
         if len(self._by_name) < len(variables):
             names = [v.name for v in variables]
             twice = next(n for n in names if names.count(n) > 1)
-            raise SceneError(f"{scene}/scene.toml: two variables are named '{twice}'; give the tape another name.")
+            raise SceneError(f"{scene}/scene.toml: two variables are named '{twice}'; rename the tape or load.")
 
     def set(self, block: str, values: Any) -> None:
         """Copy `values` into an input or parameter; `ValueError` in one sentence if they do not fit, nothing set

@@ -1,7 +1,6 @@
-"""The structural tables of a scene: nodes, springs, canopy quads, lines and point masses."""
+"""The members of a scene: nodes, elements in groups and masses, at the scene's scale."""
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,10 @@ import numpy as np
 from structural import Chains
 
 from .connections import check_connected
-from .tables import SceneError, Table, name, names, non_negative, number, positive, read_table
+from .element_tables import Element, canopy_quads, lines, mass_shares, point_masses, springs
+from .tables import SceneError, name, number, read_table
 from .wing_mesh import WingMesh
-from .wing_tables import wing_masses, wing_of
+from .wing_tables import check_wing_keys, wing_masses, wing_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,31 +75,20 @@ class Members:
         return tuple(n for group in self.chains for n in group.names)
 
 
-@dataclass(frozen=True)
-class _Element:
-    name: str
-    nodes: tuple[int, ...]
-    l0: float
-    k: float
-    area: float
-    two_way: bool
-    mass: float
-    fabric: bool = False
-
-
 def read_members(folder: Path, structure: dict[str, Any], settings: dict[str, Any] | None = None) -> Members:
     """All members of the [structure] section, checked: missing and duplicate nodes and names, dangling lines."""
     settings = settings or {}
+    check_wing_keys(folder, structure, settings)
     labels, nodes, fixed = _nodes(folder / structure["nodes"])
     wing = None
     if structure["tubes"]:
-        wing = wing_of(folder, structure, settings, labels, nodes)
+        wing = wing_of(folder, structure, settings, labels, nodes, fixed)
         labels, nodes = wing.labels, wing.nodes
         fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
     table_index = {label: i for i, label in enumerate(labels)}
-    elements: list[_Element] = []
+    elements: list[Element] = []
     taken: dict[str, str] = {}
-    for key, read in (("springs", _springs), ("canopy", _canopy), ("lines", _lines)):
+    for key, read in (("springs", springs), ("canopy", canopy_quads), ("lines", lines)):
         if structure[key]:
             for element, where in read(folder / structure[key], table_index, nodes, structure):
                 if element.name in taken:
@@ -109,16 +98,19 @@ def read_members(folder: Path, structure: dict[str, Any], settings: dict[str, An
                 taken[element.name] = where
                 elements.append(element)
     if wing is not None:
-        elements += [_Element(label, ends, l0, k, 0.0, False, 0.0, True) for label, ends, l0, k in wing.springs]
+        for label, ends, l0, k in wing.springs:
+            if label in taken:
+                raise SceneError(f"{taken[label]}: the canopy of the wing has a part named '{label}'; rename the row.")
+            elements.append(Element(label, ends, l0, k, 0.0, False, 0.0, True))
     if not elements:
         raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
     mass = np.zeros(len(nodes))
     of_wing = np.zeros(len(nodes)) if wing is None else wing_masses(folder, structure, wing)
     for e in elements:
-        share = _mass_shares(nodes[list(e.nodes)]) * e.mass
+        share = mass_shares(nodes[list(e.nodes)]) * e.mass
         np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
     if structure["masses"]:
-        _point_masses(folder / structure["masses"], table_index, mass)
+        point_masses(folder / structure["masses"], table_index, mass)
     check_connected(folder, structure, labels, fixed, elements, wing)
     groups, area = _grouped(elements)
     members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing)
@@ -173,90 +165,6 @@ def _directions(text: str) -> str:
     if set(text) - set("xyz"):
         raise ValueError
     return text
-
-
-def _resolve(table: Table, row: int, index: dict[str, int], least: int, most: int) -> tuple[int, ...]:
-    chain = table["nodes"][row]
-    if not least <= len(chain) <= most:
-        wanted = str(least) if least == most else f"at least {least}"
-        raise SceneError(
-            f"{table.at(row)}: 'nodes' lists {len(chain)} nodes where {wanted} are needed; correct the cell."
-        )
-    for label in chain:
-        if label not in index:
-            raise SceneError(f"{table.at(row)}: node '{label}' is not in the node table; add it or correct the name.")
-    if any(a == b for a, b in pairwise(chain)):
-        raise SceneError(f"{table.at(row)}: '{table['name'][row]}' starts and ends a leg at one node; correct 'nodes'.")
-    return tuple(index[label] for label in chain)
-
-
-def _springs(path, index, nodes, structure):
-    columns = {
-        "name": name, "nodes": names, "rest_length_m": non_negative, "stiffness_N_per_m": positive,
-        "mass_kg": non_negative,
-    }  # fmt: skip
-    t = read_table(path, columns)
-    for row in range(len(t)):
-        ends = _resolve(t, row, index, 2, 2)
-        element = _Element(
-            t["name"][row], ends, t["rest_length_m"][row], t["stiffness_N_per_m"][row], 0.0, True, t["mass_kg"][row]
-        )
-        yield element, t.at(row)
-
-
-def _canopy(path, index, nodes, structure):
-    """Six-spring quads: four edges and two diagonals at their reference lengths.
-
-    An edge of two quads is one spring, with the stiffness of the first and the mass of both.
-    """
-    columns = {"name": name, "nodes": names, "stiffness_N_per_m": positive, "mass_kg": non_negative}
-    t = read_table(path, columns)
-    edges: dict[tuple[int, int], list[Any]] = {}
-    for row in range(len(t)):
-        a, b, c, d = _resolve(t, row, index, 4, 4)
-        if len({a, b, c, d}) < 4:
-            raise SceneError(f"{t.at(row)}: quad '{t['name'][row]}' uses a node twice; name four different nodes.")
-        pairs = {"ab": (a, b), "bc": (b, c), "cd": (c, d), "da": (d, a), "ac": (a, c), "bd": (b, d)}
-        for side, (i, j) in pairs.items():
-            mass = t["mass_kg"][row] / 6.0
-            if (min(i, j), max(i, j)) in edges:
-                edges[min(i, j), max(i, j)][-1] += mass
-                continue
-            length = float(np.linalg.norm(nodes[i] - nodes[j]))
-            k = t["stiffness_N_per_m"][row]
-            edges[min(i, j), max(i, j)] = [t.at(row), f"{t['name'][row]}_{side}", (i, j), length, k, mass]
-    for where, label, ends, length, k, mass in edges.values():
-        yield _Element(label, ends, length, k, 0.0, True, mass), where
-
-
-def _lines(path, index, nodes, structure):
-    t = read_table(path, {"name": name, "nodes": names, "rest_length_m": positive, "diameter_m": positive})
-    modulus, density = structure["line_modulus"], structure["line_density"]
-    if modulus is None:
-        raise SceneError(f"{path.parent.name}/scene.toml: [structure] lacks 'line_modulus', which lines need; add it.")
-    for row in range(len(t)):
-        chain = _resolve(t, row, index, 2, 1000)
-        l0 = t["rest_length_m"][row]
-        area = 0.25 * np.pi * t["diameter_m"][row] ** 2
-        yield _Element(t["name"][row], chain, l0, modulus * area / l0, area, False, density * area * l0), t.at(row)
-
-
-def _mass_shares(points):
-    """Shares (m,) of an element's mass at its nodes: each leg by its length, half to each of its ends."""
-    leg = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    leg = leg / leg.sum() if leg.sum() > 0.0 else np.full(len(leg), 1.0 / len(leg))
-    shares = np.zeros(len(points))
-    shares[:-1] += 0.5 * leg
-    shares[1:] += 0.5 * leg
-    return shares
-
-
-def _point_masses(path, index, mass):
-    t = read_table(path, {"node": name, "mass_kg": non_negative})
-    for row, label in enumerate(t["node"]):
-        if label not in index:
-            raise SceneError(f"{t.at(row)}: node '{label}' is not in the node table; add it or correct the name.")
-        mass[index[label]] += t["mass_kg"][row]
 
 
 def _grouped(elements):

@@ -57,7 +57,8 @@ class Scene:
 
     def _design(self):
         t = self._sections
-        edge = [np.array([t[f"{side}_{axis}_m"] for axis in "xyz"]).T for side in ("le", "te")]
+        scale = float(self.settings.get("scale", 1.0))
+        edge = [scale * np.array([t[f"{side}_{axis}_m"] for axis in "xyz"]).T for side in ("le", "te")]
         return edge[0], edge[1]
 
     @cached_property
@@ -183,11 +184,16 @@ def load(scene: str | Path, settings: dict[str, Any] | None = None) -> Scene:
         shown = str(scene)[:80]
         raise SceneError(f"there is no scene '{shown}'; built-in are: {known} (or name a folder with a scene.toml).")
     content, chosen = read_description(folder, settings or {})
-    if float(chosen.get("scale", 1.0)) != 1.0 and content["aero"] is not None:
-        content["aero"]["reference_area"] *= float(chosen["scale"]) ** 2
+    scale = float(chosen.get("scale", 1.0))
+    if scale <= 0.0:
+        raise SceneError(f"{folder.name}/scene.toml: [settings.scale] must be above zero; it is {scale:g}.")
+    if content["aero"] is not None:
+        content["aero"]["reference_area"] *= scale**2
     members = read_members(folder, content["structure"], chosen)
     if members.wing is not None:
         struts = members.wing.grid[:, [0, -1]]
+        if content["wing"] is not None:
+            _check_ribs(folder, content, members, struts[:: int(chosen.get("canopy_subdivisions", 1))])
     elif content["wing"] is None:
         raise SceneError(
             f"{folder.name}/scene.toml: a scene without [wing] and [aero] needs [structure] tubes and ribs; add them."
@@ -213,6 +219,24 @@ def available() -> list[str]:
     return sorted(p.parent.name for p in BUILT_IN.glob("*/scene.toml"))
 
 
+def _upwind(content, edges):
+    """Rows of the `edges` (s,2,3) m, leading and trailing, of which the second lies upwind of the first."""
+    wind, chord = np.array(content["aero"]["wind_direction"]), edges[:, 1] - edges[:, 0]
+    return np.flatnonzero(chord @ wind < -0.1 * np.linalg.norm(chord, axis=1) * np.linalg.norm(wind))
+
+
+def _check_ribs(folder, content, members, ribs):
+    where = f"{folder.name}/{content['structure']['ribs']}"
+    if content["wing"]["struts"] is not None:
+        raise SceneError(f"{folder.name}/scene.toml: [wing] struts means nothing to a wing of tubes and ribs; drop it.")
+    for row in _upwind(content, members.nodes[ribs]):
+        le, te = (members.labels[n] for n in ribs[row])
+        raise SceneError(
+            f"{where}: the trailing edge '{te}' lies upwind of the leading edge '{le}'; swap the two nodes or turn "
+            "wind_direction in scene.toml."
+        )
+
+
 def _struts(folder, content, members):
     columns = {"leading_edge_node": name, "trailing_edge_node": name}
     if content["wing"]["struts"] is None:
@@ -226,13 +250,10 @@ def _struts(folder, content, members):
     if np.any(chord == 0.0):
         row = int(np.flatnonzero(chord == 0.0)[0])
         raise SceneError(f"{table.at(row)}: leading and trailing edge are one point; name two nodes apart.")
-    along = np.diff(members.nodes[struts], axis=1)[:, 0] @ np.array(content["aero"]["wind_direction"])
-    upwind = along < -0.1 * chord * np.linalg.norm(content["aero"]["wind_direction"])
-    if np.any(upwind):
-        row = table.at(int(np.flatnonzero(upwind)[0]))
+    for row in _upwind(content, members.nodes[struts]):
         raise SceneError(
-            f"{row}: the trailing edge lies upwind of the leading edge; swap the two nodes or turn wind_direction in "
-            "scene.toml."
+            f"{table.at(int(row))}: the trailing edge lies upwind of the leading edge; swap the two nodes or turn "
+            "wind_direction in scene.toml."
         )
     y = members.nodes[struts, 1].mean(axis=1)
     if np.any(np.diff(y) <= 0.0):

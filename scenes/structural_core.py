@@ -9,30 +9,24 @@ from structural import (
     Assembly,
     Loads,
     Structure,
-    canonical_chains,
-    canonical_panels,
     equilibrium,
     line_load_forces,
     mirror_permutation,
-    mirror_rows,
     surface_forces,
     tensions,
 )
 
 from .checks import symmetric_chains
 from .core import Core
+from .holding import held_place, held_structure, holding_reactions
 from .interface import rotated
 from .members import with_rest_lengths
 from .point_loads import read_loads
 from .structural_variables import structural_variables
+from .symmetry import mirror_images, symmetric_state
 from .tables import SceneError
 from .tube_sections import tube_beams, tube_state
 from .variables import StepFailed
-
-# What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
-# solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
-ASYMMETRY, LOPSIDED = 1e-9, 1e-6
-
 
 # Young's modulus Pa to which lines are softened for the start of a first solve.
 EASED = 1e9
@@ -48,7 +42,7 @@ class StructuralCore(Core):
         self._members = scene.members
         self._tapes = scene.content["structure"]["tapes"]
         self._interface = scene.interface
-        self._pivot = scene.pivot
+        self._pivot, self._held = scene.pivot, held_place(scene)
         self._mirror = mirror_permutation(self._members.nodes)
         self._assemblies: dict[bool, Assembly] = {}
         self._chains = None
@@ -59,7 +53,6 @@ class StructuralCore(Core):
         self._x, self._rotations = self._start()
         self._fresh = True
         self._show_shape()
-        self._held = self._holding_place()
 
     @cached_property
     def _rest(self):
@@ -113,6 +106,13 @@ class StructuralCore(Core):
         self._put("tube_strain", strain)
         self._put("collapsed_tubes", np.count_nonzero(load >= 1.0))
 
+    def _check(self, block, array):
+        if block == "tube_pressure":
+            try:
+                tube_beams(self._members, self._scene.content["structure"], self._scene.settings, float(array))
+            except ValueError as error:
+                raise ValueError(f"tube_pressure cannot be {float(array):g} Pa: {error}") from None
+
     def _parameter_changed(self, block):
         self._chains = self._beams = None
         if self._fresh and block != "trim_angle":
@@ -157,28 +157,15 @@ class StructuralCore(Core):
             structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines)
             if m.wing is not None:
                 w = m.wing
-                fixed, clamped = m.fixed.copy(), np.zeros((len(w.frames), 3), dtype=bool)
-                if held:
-                    node, frame = self._held
-                    fixed[node, 1] = clamped[frame, 2] = True
+                clamped = np.zeros((len(w.frames), 3), dtype=bool)
                 structure = replace(
-                    structure, fixed=fixed, clamped=clamped, beams=self._present_beams(), frames=w.frames,
-                    riders=w.riders, carriers=w.carriers,
+                    structure, clamped=clamped, beams=self._present_beams(), frames=w.frames, riders=w.riders,
+                    carriers=w.carriers,
                 )  # fmt: skip
+                structure = held_structure(structure, self._held) if held else structure
             assembly = Assembly(structure, self._mirror if symmetric else None)
             self._assemblies[symmetric, held] = assembly
         return assembly
-
-    def _holding_place(self):
-        """Node and frame at which roll and yaw can be held, None where the scene names none."""
-        if self._scene.content["structure"]["hold"] is None:
-            return None
-        where = f"{self._scene.name}/scene.toml [structure] hold"
-        node = self._members.node(self._scene.content["structure"]["hold"], where)
-        frames = [] if self._members.wing is None else np.flatnonzero(self._members.wing.frames == node)
-        if len(frames) != 1:
-            raise SceneError(f"{where}: node {self._members.labels[node]} must be one on a tube; name another.")
-        return node, int(frames[0])
 
     def step(self, t: float, dt: float) -> None:
         """Equilibrium under the present loads; the same input again returns the stored output without solving."""
@@ -194,7 +181,9 @@ class StructuralCore(Core):
             for node, direction in rows:
                 weight[node] += self._scalar(name) * direction
         loads = Loads(self._values["pressure"], shear, weight, self._values.get("line_load"))
-        symmetric = bool(self._values["symmetric"]) and mirrored and self._symmetric_state(loads)
+        symmetric = (
+            bool(self._values["symmetric"]) and mirrored and symmetric_state(loads, self._x, self._mirror, self._images)
+        )
         held = "hold_roll_and_yaw" in self._values and bool(self._values["hold_roll_and_yaw"])
         assembly = self._assembly(symmetric, held)
         tolerance = self._scalar("solver_tolerance")
@@ -224,8 +213,10 @@ class StructuralCore(Core):
         the start depends on it.
         """
         soft = []
-        for group, start in zip(chains, np.cumsum([0, *(len(c.l0) for c in chains)]), strict=False):
+        start = 0
+        for group in chains:
             area = self._members.area[start : start + len(group.l0)]
+            start += len(group.l0)
             k = np.where(area > 0.0, np.minimum(group.k, EASED * area / group.l0), group.k)
             soft.append(replace(group, k=k))
         if all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True)):
@@ -240,49 +231,17 @@ class StructuralCore(Core):
         """Reactions of the held node and frame: what the free structure is out of balance by."""
         force, moment = 0.0, np.zeros(3)
         if held:
-            node, frame = self._held
             free = self._assembly(False, False)
-            u = free.unknowns
-            q = u.restrict(self._x)
-            r, _ = free.residual(q, free.prepare(chains, loads, self._present_beams()), self._rotations)
-            force = float(r[u.index[3 * node + 1]])
-            turn = float(r[u.index[3 * (len(self._x) + frame) + 2]])
+            prepared = free.prepare(chains, loads, self._present_beams())
+            r, _ = free.residual(free.unknowns.restrict(self._x), prepared, self._rotations)
             about = np.zeros(3) if self._pivot is None else self._members.nodes[self._pivot]
-            arm = self._x[node] - about
-            moment = np.array([-arm[2] * force, 0.0, arm[0] * force + turn])
+            force, moment = holding_reactions(free, r, self._x, self._held, about)
         self._put("holding_force", force)
         self._put("holding_moment", moment)
 
-    def _symmetric_state(self, loads):
-        """Whether loads and present positions are mirror-symmetric, so that a half model gives the whole answer."""
-        images = self._images
-        if images is None:
-            return False
-        panels, lines = images
-        flip = np.array([1.0, -1.0, 1.0])
-
-        def mirrored(values, image, sign=1.0, scale=None):
-            odd = np.abs(values - values[image] * sign).max(initial=0.0)
-            return odd <= ASYMMETRY * (np.abs(values).max(initial=0.0) if scale is None else scale)
-
-        scale = max(np.abs(a).max(initial=0.0) for a in (loads.pressure, loads.shear) if a is not None)
-        return (
-            mirrored(loads.pressure, panels, scale=scale)
-            and (loads.shear is None or mirrored(loads.shear, panels, flip, scale))
-            and (loads.line_load is None or mirrored(loads.line_load, lines, flip))
-            and mirrored(loads.dead, self._mirror, flip)
-            and np.abs(self._x - self._x[self._mirror] * flip).max() <= LOPSIDED
-        )
-
     @cached_property
     def _images(self):
-        """Rows of the mirror images of every panel and of every exposed line, or None where one has no image."""
-        nodes = mirror_permutation(self._interface.nodes)
-        if nodes is None:
-            return None
-        panels = mirror_rows(self._interface.panels, nodes, canonical_panels)
-        lines = mirror_rows(self._interface.lines, nodes, canonical_chains)
-        return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
+        return mirror_images(self._interface)
 
     def _show(self, result, chains, loads, symmetric):
         self._show_shape()

@@ -4,32 +4,19 @@ import numpy as np
 
 from structural import Beams, breukels_tube, inflatable_tube, natural_deformations, reference_axes, section_forces
 
-from .tables import SceneError
-
 
 def tube_beams(members, structure, settings, pressure):
-    """The beams of all tubes (one group) at `pressure` Pa; `SceneError` where the law has no answer."""
+    """The beams of all tubes (one group) at `pressure` Pa; ValueError in one sentence where the law has no answer."""
     tubes, nodes = members.wing.tubes, members.nodes
     l0 = np.linalg.norm(np.diff(nodes[tubes.ends], axis=1)[:, 0], axis=1)
     section = _section(tubes.radius, structure, settings.get("tube_law", "breukels"), pressure)
     return Beams(tubes.ends, tubes.frames, reference_axes(nodes, tubes.ends), l0, section, tubes.names)
 
 
-def with_pressure(beams, structure, settings, radius, pressure):
-    """The same beams at another pressure."""
-    return beams.with_section(_section(radius, structure, settings.get("tube_law", "breukels"), pressure))
-
-
 def _section(radius, structure, law, pressure):
-    try:
-        if law == "fabric":
-            moduli = structure["tube_stiffness"], structure["tube_shear_stiffness"]
-            if None in moduli:
-                raise SceneError("[structure] lacks 'tube_stiffness' or 'tube_shear_stiffness', which this law needs.")
-            return inflatable_tube(pressure, radius, *moduli)
-        tube = breukels_tube(pressure, radius)
-    except ValueError as error:
-        raise SceneError(str(error)) from None
+    if law == "fabric":
+        return inflatable_tube(pressure, radius, structure["tube_stiffness"], structure["tube_shear_stiffness"])
+    tube = breukels_tube(pressure, radius)
     if law == "tip-deflection":
         from structural.tip_deflection import tip_deflection_tube
 

@@ -50,7 +50,13 @@ class WingMesh:
 
 
 def read_wing_mesh(
-    folder: Path, structure: dict[str, Any], labels: list[str], nodes: np.ndarray, stations: int, subdivisions: int
+    folder: Path,
+    structure: dict[str, Any],
+    labels: list[str],
+    nodes: np.ndarray,
+    fixed: np.ndarray,
+    stations: int,
+    subdivisions: int,
 ) -> WingMesh:
     """The wing of the tables ribs, tubes and attachments: `stations` canopy cells along every chord, `subdivisions`
     between neighbouring ribs.
@@ -59,7 +65,7 @@ def read_wing_mesh(
     are attached. A tube between neighbouring leading edge nodes is part of the leading edge and is divided with the
     canopy. Raises `SceneError` in one sentence for whatever does not fit.
     """
-    mesher = _Mesher(folder, structure, labels, nodes)
+    mesher = _Mesher(folder, structure, labels, nodes, fixed)
     ribs = mesher.ribs()
     mesher.lay_grid(ribs, stations, subdivisions)
     mesher.lay_tubes(ribs, subdivisions)
@@ -67,8 +73,8 @@ def read_wing_mesh(
 
 
 class _Mesher:
-    def __init__(self, folder, structure, labels, nodes):
-        self.folder, self.structure = folder, structure
+    def __init__(self, folder, structure, labels, nodes, fixed):
+        self.folder, self.structure, self.fixed = folder, structure, fixed.any(axis=1)
         self.labels = list(labels)
         self.place = {label: i for i, label in enumerate(labels)}
         self.points = [np.array(p) for p in nodes]
@@ -166,23 +172,32 @@ class _Mesher:
                 path_nodes = list(zip(np.linspace(0.0, 1.0, len(inner)), map(int, inner), strict=True))
             diameters = table["start_diameter_m"][row], table["end_diameter_m"][row]
             self._lay_tube(label, path_nodes, diameters, hinges, attached.pop(label, []))
-        if not self.beams:
-            raise SceneError(f"{path.parent.name}/{path.name} has no tubes; add one.")
+        on_tubes = {node for beam in self.beams for node in beam[:2]}
+        for rider, where in self.riders.items():
+            if rider in on_tubes:
+                raise SceneError(f"{where}: node '{self.labels[rider]}' is a part of a tube itself; drop the row.")
 
     def _attachments(self, tubes):
         """Tube -> nodes attached to it."""
-        self.links: list[tuple[int, int]] = []  # rider, carrying node
+        self.links: list[tuple[int, int]] = []  # rider, carrying frame
+        self.riders: dict[int, str] = {}  # and the row that says so
         if not self.structure["attachments"]:
             return {}
         table = read_table(self.folder / self.structure["attachments"], {"node": name, "tube": name})
         out: dict[str, list[tuple[int, str]]] = {}
-        seen: dict[int, str] = {}
+        seen = self.riders
         for row in range(len(table)):
             node = self.node(table["node"][row], table.at(row))
             if table["tube"][row] not in tubes:
                 raise SceneError(f"{table.at(row)}: tube '{table['tube'][row]}' is not in the tube table; correct it.")
             if node in seen:
-                raise SceneError(f"{table.at(row)}: node '{table['node'][row]}' is attached already in {seen[node]}.")
+                raise SceneError(
+                    f"{table.at(row)}: node '{table['node'][row]}' is attached already in {seen[node]}; drop one."
+                )
+            if self.fixed[node]:
+                raise SceneError(
+                    f"{table.at(row)}: node '{table['node'][row]}' is fixed; only free ones ride on a tube."
+                )
             seen[node] = table.at(row)
             out.setdefault(table["tube"][row], []).append((node, table.at(row)))
         return out

@@ -1,16 +1,19 @@
 """Pressures and shears carry every strip's force and moment, on the displaced panels and to rounding."""
 
+import itertools
+
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from aero.surface_loads import panel_geometry
-from tests.aero.wings import arched_nodes, panel_corner_forces, stalling_wing, wind
+from tests.aero.wings import arched_nodes, grid, panel_corner_forces, stalling_wing, wind
 
 CHOICES = [{"follow": False}, {"follow": True}, {"section_force": "normal"}]
 
 
 def strip_resultants(nodes, wing, loads):
-    """Force and moment about the origin of every strip from the corner forces of its two panels, by quadrature."""
+    """Force and moment about the origin of every strip from the corner forces of its panels, by quadrature."""
     n = len(loads.force)
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
     for k, corners in enumerate(nodes[wing.grid.panels]):
@@ -21,13 +24,14 @@ def strip_resultants(nodes, wing, loads):
     return force, moment
 
 
+@pytest.mark.parametrize("rows", [2, 3, 6, 10])
 @pytest.mark.parametrize("choice", CHOICES)
 @pytest.mark.parametrize("induction", [True, False])
-def test_panel_forces_add_up_to_the_section_force_and_moment_of_every_strip_of_warped_wings(choice, induction):
+def test_panel_forces_add_up_to_the_section_force_and_moment_of_every_strip_of_warped_wings(choice, induction, rows):
     rng = np.random.default_rng(4)
-    wing = stalling_wing(7, induction=induction, **choice)
+    wing = stalling_wing(7, rows, induction=induction, **choice)
     for alpha in (-0.1, 0.05, 0.15, 0.3):
-        nodes = arched_nodes(7, 0.06, rng)
+        nodes = arched_nodes(7, 0.12 / rows, rng, rows)
         loads = wing.loads(nodes, wind(alpha))
         force, moment = strip_resultants(nodes, wing, loads)
         stated = np.cross(loads.point, loads.force) + loads.moment
@@ -103,3 +107,30 @@ def test_centroids_are_those_of_the_bilinear_panels():
         np.testing.assert_allclose(push.sum(axis=0), geometry.area[k], atol=1e-14)
         np.testing.assert_allclose(geometry.centroid[k], share @ corners[k], atol=1e-14)
         np.testing.assert_allclose(geometry.fraction[k], share @ fractions[k], atol=1e-14)
+
+
+def test_the_section_force_stays_at_the_quarter_chord_however_many_panels_carry_it():
+    found = []
+    for rows in (2, 3, 6, 10):
+        nodes = arched_nodes(6, rows=rows)
+        y = np.repeat(np.linspace(-4.0, 4.0, 7), rows + 1)  # flat, rectangular
+        nodes = np.stack([np.tile(np.linspace(0.0, 2.0, rows + 1), 7), y, 0.0 * y], axis=1)
+        loads = stalling_wing(6, rows).loads(nodes, wind(0.1))
+        np.testing.assert_allclose(loads.point[:, 0], 0.5, rtol=0, atol=1e-13)  # rounding of lengths of order 1 m
+        found.append(np.concatenate([loads.force, loads.moment], axis=1))
+    np.testing.assert_allclose(found[1:], np.broadcast_to(found[0], (3, 6, 6)), rtol=0, atol=1e-10)  # N, of 100
+
+
+@pytest.mark.parametrize("rows", [3, 6, 10, 40])
+def test_panels_share_lift_as_a_flat_plate_and_the_couple_as_a_parabolic_camber_does(rows):
+    """Thin-airfoil theory: the lift of a plate up to x is (theta + sin theta) / pi, from a vortex sheet
+    sqrt((1 - x) / x) 2 / pi; that of a parabolic camber at no incidence comes from sqrt(x (1 - x)) 8 / pi.
+    """
+    x = np.linspace(0.0, 1.0, rows + 1)
+    plate, camber = grid(2, rows).shapes
+    sheets = (lambda s: 2.0 / np.pi * np.sqrt((1.0 - s) / s), lambda s: 8.0 / np.pi * np.sqrt(s * (1.0 - s)))
+    for found, sheet in zip((plate, camber), sheets, strict=True):
+        exact = [quad(sheet, a, b, epsabs=1e-12)[0] for a, b in itertools.pairwise(x)]
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-8)  # quadrature next to the singular edge
+    assert plate.sum() == pytest.approx(1.0, rel=1e-14)
+    assert camber.sum() == pytest.approx(1.0, rel=1e-14)

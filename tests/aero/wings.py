@@ -4,21 +4,19 @@ import numpy as np
 
 from aero import StripPolars, SurfaceGrid, VortexStep
 
-FRACTIONS = np.array([0.0, 0.5, 1.0])
+
+def grid(strips, rows=2):
+    """Interface grid of rows + 1 chord stations on strips + 1 sections, nodes numbered section by section."""
+    return SurfaceGrid(np.arange((rows + 1) * (strips + 1)).reshape(strips + 1, -1), np.linspace(0.0, 1.0, rows + 1))
 
 
-def grid(strips):
-    """Interface grid of three chord stations on strips + 1 sections, nodes numbered section by section."""
-    return SurfaceGrid(np.arange(3 * (strips + 1)).reshape(-1, 3), FRACTIONS)
+def nodes_of(leading_edge, trailing_edge, rows=2):
+    """Interface nodes ((rows + 1) (n + 1), 3) of straight chords."""
+    f = np.linspace(0.0, 1.0, rows + 1)[:, None]
+    return (leading_edge[:, None] + f * (trailing_edge - leading_edge)[:, None]).reshape(-1, 3)
 
 
-def nodes_of(leading_edge, trailing_edge):
-    """Interface nodes (3 (n+1), 3) of straight chords."""
-    middle = 0.5 * (leading_edge + trailing_edge)
-    return np.stack([leading_edge, middle, trailing_edge], axis=1).reshape(-1, 3)
-
-
-def arched_nodes(strips, noise=0.0, rng=None):
+def arched_nodes(strips, noise=0.0, rng=None, rows=2):
     """An arched, swept, twisted wing of about 6.4 m span and 2 m chord, symmetric in y; `noise` (m) warps all nodes."""
     s = np.linspace(-1.0, 1.0, strips + 1)
     arc = 1.1 * s
@@ -27,7 +25,7 @@ def arched_nodes(strips, noise=0.0, rng=None):
     twist = 0.06 * np.cos(2.0 * s)
     down = -np.stack([0.0 * s, np.sin(arc), np.cos(arc)], axis=1)
     te = le + chord[:, None] * (np.cos(twist)[:, None] * [1.0, 0.0, 0.0] + np.sin(twist)[:, None] * down)
-    nodes = nodes_of(le, te)
+    nodes = nodes_of(le, te, rows)
     return nodes if noise == 0.0 else nodes + noise * rng.standard_normal(nodes.shape)
 
 
@@ -41,20 +39,22 @@ def stalling_tables(sections):
     return alpha, cl, cd, -0.08 + 0.1 * separated * alpha
 
 
-def stalling_wing(strips, **choices):
+def stalling_wing(strips, rows=2, **choices):
     """Vortex-step wing with polars that change along the span."""
     alpha, cl, cd, cm = stalling_tables(3)
     position = (np.arange(strips) + 0.5) / strips
     across = 1.0 - np.abs(2.0 * position - 1.0)  # 0 at both tips, so that symmetric wings have symmetric polars
-    return VortexStep(StripPolars.from_tables(alpha, cl, cd, cm, [0.0, 0.5, 1.0], across), grid(strips), **choices)
+    return VortexStep(
+        StripPolars.from_tables(alpha, cl, cd, cm, [0.0, 0.5, 1.0], across), grid(strips, rows), **choices
+    )
 
 
-def linear_wing(strips, slope=2.0 * np.pi, cd=0.0, cm=0.0, cl0=0.0, **choices):
+def linear_wing(strips, slope=2.0 * np.pi, cd=0.0, cm=0.0, cl0=0.0, rows=2, **choices):
     """Wing with cl = cl0 + slope alpha and constant cd and cm within 40 degrees."""
     alpha = np.deg2rad([-40.0, 40.0])
     flat = np.ones((1, 2))
     tables = [cl0 + slope * alpha], cd * flat, cm * flat
-    return VortexStep(StripPolars.from_tables(alpha, *tables, [0.0], np.zeros(strips)), grid(strips), **choices)
+    return VortexStep(StripPolars.from_tables(alpha, *tables, [0.0], np.zeros(strips)), grid(strips, rows), **choices)
 
 
 def wind(alpha, speed=12.0):

@@ -30,7 +30,7 @@ def scene_paths(scene, tmp_path_factory):
 
 @pytest.fixture(scope="session", params=CASES, ids=label)
 def case(request, tmp_path_factory):
-    """A scene with settings, and the paths of its two FMUs: every scene, every setting changed once."""
+    """A scene with settings, and the paths of its FMUs, one without a flow: every scene, every setting changed once."""
     scene = scenes.load(*request.param)
     return scene, build(scene, tmp_path_factory.mktemp("case"), start(scene))
 

@@ -139,6 +139,8 @@ def test_outputs_and_initial_unknowns_are_exactly_the_outputs(case):
 @pytest.mark.parametrize("side", ["structural", "aero"])
 def test_while_initialising_outputs_follow_only_what_they_are_said_to_depend_on(case, side):
     scene, paths = case
+    if side not in scene.cores():
+        pytest.skip("a scene without flow")
     root, _ = description(paths[side == "aero"])
     names = [scalar.get("name") for scalar in root.find("ModelVariables")]
     claimed = {}

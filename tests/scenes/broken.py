@@ -24,6 +24,7 @@ def edited(scene, file, old, new):
 
 
 def built(scene, settings=None):
-    """The scene with both solver cores and everything that is read lazily."""
+    """The scene with its solver cores and everything that is read lazily; no aerodynamic core where it has no flow."""
     loaded = scenes.load(scene, settings or {})
-    return loaded, loaded.structural_core(), loaded.aero_core()
+    cores = loaded.cores()
+    return loaded, cores["structural"], cores.get("aero")

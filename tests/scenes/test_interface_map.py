@@ -11,6 +11,9 @@ from structural import Assembly, Chains, Loads, Structure, mirror_permutation, s
 
 CASES = [("v3_kite", {"chord": c, "panels_per_section": n}) for c in ("structural", "design") for n in (1, 2, 3, 5)]
 CASES += [("typical_section", {"panels_per_section": 3})]
+CASES += [
+    ("v3_kite_detailed", {"canopy_stations": k, "canopy_subdivisions": m}) for k, m in ((2, 1), (3, 2), (6, 1), (10, 1))
+]
 TURNS = [Rotation.identity()] + [
     Rotation.from_rotvec(np.deg2rad(30.0) * np.array(a) / np.linalg.norm(a))
     for a in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [1, -2, 0.5])

@@ -68,7 +68,7 @@ def _damaged(rng, content):
 
 
 def _targets():
-    for scene in ("typical_section", "v3_kite"):
+    for scene in scenes.available():
         for path in sorted((BUILT_IN / scene).iterdir()):
             if path.suffix in (".csv", ".toml"):
                 yield scene, path.name, 60 if path.suffix == ".toml" else (5 if path.name == "polars.csv" else 25)

@@ -1,0 +1,40 @@
+"""Whether a loaded structure is its own mirror image in y = 0, so that one half gives the whole answer."""
+
+import numpy as np
+
+from structural import canonical_chains, canonical_panels, mirror_permutation, mirror_rows
+
+# What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
+# solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
+ASYMMETRY, LOPSIDED = 1e-9, 1e-6
+_FLIP = np.array([1.0, -1.0, 1.0])
+
+
+def mirror_images(interface):
+    """Rows of the mirror images of every panel and of every exposed line, or None where one has no image."""
+    nodes = mirror_permutation(interface.nodes)
+    if nodes is None:
+        return None
+    panels = mirror_rows(interface.panels, nodes, canonical_panels)
+    lines = mirror_rows(interface.lines, nodes, canonical_chains)
+    return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
+
+
+def symmetric_state(loads, x, mirror, images):
+    """Whether loads and positions x (n,3) m are mirror-symmetric: `mirror` (n,) of the nodes, `images` as above."""
+    if images is None:
+        return False
+    panels, lines = images
+
+    def mirrored(values, image, sign=1.0, scale=None):
+        odd = np.abs(values - values[image] * sign).max(initial=0.0)
+        return odd <= ASYMMETRY * (np.abs(values).max(initial=0.0) if scale is None else scale)
+
+    scale = max(np.abs(a).max(initial=0.0) for a in (loads.pressure, loads.shear) if a is not None)
+    return (
+        mirrored(loads.pressure, panels, scale=scale)
+        and (loads.shear is None or mirrored(loads.shear, panels, _FLIP, scale))
+        and (loads.line_load is None or mirrored(loads.line_load, lines, _FLIP))
+        and mirrored(loads.dead, mirror, _FLIP)
+        and np.abs(x - x[mirror] * _FLIP).max() <= LOPSIDED
+    )
