@@ -3,7 +3,8 @@
 import contextlib
 import functools
 
-from master.coupling import SCHEMES, solve
+from master.coupling import solve
+from master.schemes import SCHEMES
 
 from .problems import DENSITY, divergence_pressure, in_process, plate_wind, twist
 from .registry import Case, Curve, Fit, Outcome

@@ -3,7 +3,8 @@
 import contextlib
 import functools
 
-from master.coupling import SCHEMES, solve
+from master.coupling import solve
+from master.schemes import SCHEMES
 
 from .problems import in_process
 from .registry import Case, Fit, Outcome

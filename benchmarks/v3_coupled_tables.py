@@ -5,8 +5,9 @@ import functools
 import numpy as np
 
 from master.acceleration import Aitken, ConstantRelaxation
-from master.coupling import SCHEMES, solve
+from master.coupling import solve
 from master.run import coupled_run
+from master.schemes import SCHEMES
 from master.spectrum import critical_relaxation, dominant_eigenvalue
 
 from .problems import has_setting, in_process, published

@@ -6,8 +6,8 @@ import functools
 import numpy as np
 
 import scenes
-from master.coupling import SCHEMES
 from master.run import coupled_run
+from master.schemes import SCHEMES
 
 from .problems import as_fmus, in_process
 from .registry import Case, Curve, Outcome, Table

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from master.coupling import SCHEMES
 from master.report import final_state
 from master.run import coupled_run
+from master.schemes import SCHEMES
 
 from .problems import in_process, loaded
 from .registry import Table

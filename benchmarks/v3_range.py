@@ -5,7 +5,8 @@ import functools
 
 import numpy as np
 
-from master.coupling import SCHEMES, solve
+from master.coupling import solve
+from master.schemes import SCHEMES
 from scenes import SceneError
 
 from .problems import in_process

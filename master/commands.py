@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from master.coupling import SCHEMES, Coupling
+from master.coupling import Coupling
 from master.participants import FmuParticipant
 from master.report import (
     RESULTS,
@@ -23,6 +23,7 @@ from master.report import (
     write_state,
 )
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, coupled_run, summary
+from master.schemes import SCHEMES, scheme
 from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
@@ -155,18 +156,13 @@ def _checked(choices: dict[str, Any]) -> None:
     factor = choices["relaxation"]
     if factor is not None and not (np.isfinite(factor) and factor > 0.0):
         raise ValueError(f"--relaxation must be a number above zero, not {factor}.")
-    if factor is not None and choices["scheme"] == "explicit":
-        raise ValueError("--relaxation does not go with the explicit scheme; use --scheme relaxation.")
+    if factor is not None and not SCHEMES[choices["scheme"]].relaxation:
+        raise ValueError(f"--relaxation does not go with the {choices['scheme']} scheme; use --scheme relaxation.")
 
 
 def _scheme(choices: dict[str, Any]) -> Any:
-    from master.acceleration import IQNILS, Aitken, ConstantRelaxation
-
-    factor = choices["relaxation"]
-    if factor is None:
-        return SCHEMES[choices["scheme"]]()
-    given = {"relaxation": ConstantRelaxation, "aitken": Aitken}
-    return IQNILS(omega0=factor) if choices["scheme"] == "iqn-ils" else given[choices["scheme"]](factor)
+    name, factor = choices["scheme"], choices["relaxation"]
+    return scheme(name) if factor is None else scheme(name, **{SCHEMES[name].relaxation: factor})
 
 
 def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:

@@ -8,21 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation, Scheme
+from master.acceleration import Scheme
 from master.fixed_point import fixed_point
 from master.participants import InProcessParticipant, Participant, StepFailed
 from master.still_air import StillAir
 
-# First relaxation of IQN-ILS: the best factor for one eigenvalue lambda of the coupled map is 1 / (1 - lambda), 0.7 at
-# lambda = -0.5 (the V3 kite at 12 m/s) and 0.15 at -6 (its design chord at 20 m/s); one in between serves both.
-FIRST_RELAXATION = 0.35
-
-SCHEMES: dict[str, Callable[[], Scheme]] = {
-    "explicit": lambda: ConstantRelaxation(1.0),
-    "relaxation": lambda: ConstantRelaxation(0.25),
-    "aitken": lambda: Aitken(0.5),
-    "iqn-ils": lambda: IQNILS(omega0=FIRST_RELAXATION),
-}
 # Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
 # solves than 1e-4 N turn quasi-Newton columns into noise, and below 1e-8 N rounding of the forces takes over.
 LOOSEST, TIGHTEST, PER_METRE = 1e-4, 1e-8, 1e-2

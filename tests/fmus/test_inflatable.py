@@ -4,8 +4,9 @@ import numpy as np
 
 import scenes
 from fmus.builder import build
-from master.coupling import SCHEMES, Coupling, solve
+from master.coupling import Coupling, solve
 from master.participants import FmuParticipant
+from master.schemes import SCHEMES
 from master.still_air import StillAir
 
 

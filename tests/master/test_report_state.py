@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import scenes
-from master.coupling import SCHEMES, Coupling
+from master.coupling import Coupling
 from master.report import final_state, result_rows
 from master.report.page import cell
 from master.report.state import loose_lines
 from master.run import coupled_run, summary
+from master.schemes import SCHEMES
 
 
 def flown(name, **given):

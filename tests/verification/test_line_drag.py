@@ -8,7 +8,8 @@ import scenes
 from aero import line_loads
 from benchmarks.problems import in_process
 from master import Aitken, fixed_point
-from master.coupling import SCHEMES, solve
+from master.coupling import solve
+from master.schemes import SCHEMES
 from structural import Assembly, Chains, Loads, Structure, equilibrium, tensions
 
 
