@@ -1,0 +1,147 @@
+"""What quasi-Newton schemes share: the differences of iterates, field weights, and how a call begins and ends.
+
+V holds differences of r, W differences of x_tilde; a difference is never taken across calls.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from master.acceleration.scheme import Field, require_factor
+
+# Part of its first factor with which a scheme begins anew after it was led astray.
+CAREFUL = 0.25
+
+
+@dataclass
+class QuasiNewton:
+    """Base of the schemes that learn an inverse Jacobian; subclasses say what they do with a pair (v, w).
+
+    D weighs field f with 1/s_f, s_f the mean of |r_f| / |r| over the coupling iterations of this call (residual-sum
+    scaling), but at least that of the call before: a field that starts converged must not get a boundless weight.
+    """
+
+    omega0: float = 0.1
+    record: dict[str, float] = field(init=False, default_factory=dict, repr=False)
+    _fields: tuple[Field, ...] = field(init=False, default=(slice(None),), repr=False)
+    _last: tuple[np.ndarray, np.ndarray] | None = field(init=False, default=None, repr=False)
+    _shares: np.ndarray = field(init=False, repr=False)
+    _summands: int = field(init=False, default=0, repr=False)
+    _floor: np.ndarray = field(init=False, repr=False)
+    _careful: float = field(init=False, default=1.0, repr=False)
+    _size: int = field(init=False, default=0, repr=False)  # entries of x that the columns have
+
+    _kept: ClassVar[tuple[str, ...]] = ("_shares", "_summands", "_floor", "_size")
+
+    def __post_init__(self) -> None:
+        require_factor("omega0", self.omega0)
+        self._shares, self._floor = np.zeros(1), np.zeros(1)
+
+    @property
+    def columns(self) -> int:
+        """Number of stored pairs (v, w)."""
+        raise NotImplementedError
+
+    def begin(self, fields: Sequence[Field]) -> None:
+        """See Scheme."""
+        if not _same(fields, self._fields):
+            self._refield(tuple(fields))
+            self._floor = np.zeros(len(fields))
+        self._fields = tuple(fields)
+        self._last, self._careful = None, 1.0
+        self._shares, self._summands = np.zeros(len(fields)), 0
+        self._open()
+
+    def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Next x, same shape and unit."""
+        self._learn(x, r)
+        norm = np.linalg.norm(r)
+        if norm > 0.0:
+            self._shares = self._shares + np.array([np.linalg.norm(r[f]) for f in self._fields]) / norm
+            self._summands += 1
+        if not self.columns:
+            self.record = {"omega": self._careful * self.omega0, "columns": 0, "filtered": 0}
+            return x + self._careful * self.omega0 * r
+        if self._size != x.size:
+            kind = type(self).__name__
+            raise ValueError(f"The stored columns do not have the {x.size} entries of x; pass a fresh {kind}.")
+        return x + r + self._quasi_newton(r)
+
+    def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
+        """See Scheme. The last pair becomes a column too; what led to divergence is no guide and goes."""
+        if status == "diverged":
+            self._forget()
+            self._floor = np.zeros(len(self._fields))
+        elif self._last is not None:
+            self._learn(x, r)
+        if self._summands and status == "converged":
+            self._floor = self._shares / self._summands
+        self._last = None
+
+    def restart(self) -> bool:
+        """Begin anew without columns and with a quarter of the factor of the last beginning."""
+        self._forget()
+        self._floor = np.zeros(len(self._fields))
+        self._careful *= CAREFUL
+        self._last = None
+        return True
+
+    def history(self) -> dict[str, Any]:
+        """See Scheme."""
+        return {name: _copied(getattr(self, name)) for name in self._kept}
+
+    def adopt(self, history: dict[str, Any]) -> None:
+        """See Scheme."""
+        for name in self._kept:
+            setattr(self, name, _copied(history[name]))
+
+    def _learn(self, x: np.ndarray, r: np.ndarray) -> None:
+        """Keep the differences to the last pair, unless they are zero, mere rounding of x, or not finite."""
+        if self._last is not None:
+            dx, v = x - self._last[0], r - self._last[1]
+            w = x + r - (self._last[0] + self._last[1])
+            moved = np.linalg.norm(dx) > 2.0 * np.finfo(float).eps * np.linalg.norm(x)
+            if moved and np.any(v) and np.all(np.isfinite(v)) and np.all(np.isfinite(w)):
+                if self.columns and self._size != v.size:
+                    kind = type(self).__name__
+                    raise ValueError(f"The stored columns do not have the {v.size} entries of x; pass a fresh {kind}.")
+                self._size = v.size
+                self._insert(v, w)
+        self._last = (np.array(x), np.array(r))
+
+    def _scales(self) -> np.ndarray:
+        """s_f of each field, positive, (fields,)."""
+        shares = np.maximum(self._shares / max(self._summands, 1), self._floor)
+        return np.where(shares > 0.0, shares, 1.0)
+
+    def _open(self) -> None:
+        """A call begins."""
+
+    def _insert(self, v: np.ndarray, w: np.ndarray) -> None:
+        """Take a pair (n,), (n,)."""
+        raise NotImplementedError
+
+    def _quasi_newton(self, r: np.ndarray) -> np.ndarray:
+        """What the columns add to x_tilde, (n,)."""
+        raise NotImplementedError
+
+    def _forget(self) -> None:
+        """Drop all columns."""
+        raise NotImplementedError
+
+    def _refield(self, fields: tuple[Field, ...]) -> None:
+        """Sort the columns anew, as the fields are others."""
+        raise NotImplementedError
+
+
+def _same(a: Sequence[Field], b: Sequence[Field]) -> bool:
+    return len(a) == len(b) and all(
+        f == g if isinstance(f, slice) and isinstance(g, slice) else type(f) is type(g) and np.array_equal(f, g)
+        for f, g in zip(a, b, strict=True)
+    )
+
+
+def _copied(value: Any) -> Any:
+    return value.copy() if isinstance(value, np.ndarray) else value

@@ -1,0 +1,112 @@
+"""IQN-IMVJ: interface quasi-Newton that corrects the inverse Jacobian of the call before."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from master.acceleration.differences import QuasiNewton
+from master.acceleration.scheme import Field, require_count, require_fraction
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """What one call has learnt: rows q_j D and D^-1 q_j of the orthonormal q_j of D V, and w_orth,j, each (k, n)."""
+
+    weighted: np.ndarray
+    basis: np.ndarray
+    answers: np.ndarray
+
+
+@dataclass
+class IQNIMVJ(QuasiNewton):
+    """Interface quasi-Newton with a multi-vector inverse Jacobian (Bogaers, Kok, Reddy & Franz 2014).
+
+        J <- J_old + (W - J_old V) V^+,   x <- x_tilde - J r,   V^+ = (D V)^+ D
+
+    J_old is the J with which the last call ended. It is never formed: J r is applied call by call, newest first, as
+    W V^+ r + J_old (r - V V^+ r), with O(n) operations and numbers for each column. There is no number of calls to
+    choose; only `max_columns` bounds what is kept, and the oldest calls go first. `omega0` relaxes the first update of
+    all, `filter` is the relative QR2 filter within a call, for the weights D see `QuasiNewton`.
+    """
+
+    filter: float = 1e-8
+    max_columns: int = 200
+    _pairs: list[tuple[np.ndarray, np.ndarray]] = field(init=False, repr=False)  # of this call, newest first
+    _past: list[_Block] = field(init=False, repr=False)  # newest first
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_fraction("filter", self.filter)
+        require_count("max_columns", self.max_columns, 1)
+        self._forget()
+
+    @property
+    def columns(self) -> int:
+        """Number of stored pairs (v, w), of this call and of earlier ones."""
+        return len(self._pairs) + sum(len(block.basis) for block in self._past)
+
+    def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
+        """See Scheme. What this call has learnt becomes part of the inverse Jacobian."""
+        super().end(status, x, r)
+        if self._pairs:
+            self._past.insert(0, self._block(self._size))
+            self._pairs = []
+            while len(self._past) > 1 and self.columns > self.max_columns:
+                self._past.pop()
+
+    def history(self) -> dict[str, Any]:
+        """See Scheme."""
+        past = [
+            {"weighted": b.weighted.copy(), "basis": b.basis.copy(), "answers": b.answers.copy()} for b in self._past
+        ]
+        return super().history() | {"past": past}
+
+    def adopt(self, history: dict[str, Any]) -> None:
+        """See Scheme."""
+        super().adopt(history)
+        self._past = [_Block(**{k: np.array(v) for k, v in block.items()}) for block in history["past"]]
+
+    def _forget(self) -> None:
+        self._pairs, self._past = [], []
+
+    def _refield(self, fields: tuple[Field, ...]) -> None:
+        """Nothing to do: what earlier calls learnt has its weights in it."""
+
+    def _insert(self, v: np.ndarray, w: np.ndarray) -> None:
+        self._pairs.insert(0, (v, w))
+        del self._pairs[self.max_columns :]
+
+    def _quasi_newton(self, r: np.ndarray) -> np.ndarray:
+        rest, out = r.copy(), np.zeros_like(r)
+        used = 0
+        current = [self._block(r.size)] if self._pairs else []
+        for block in (*current, *self._past):
+            c = block.weighted @ rest
+            rest -= c @ block.basis
+            out -= c @ block.answers
+            used += len(c)
+        self.record = {"columns": used, "filtered": self.columns - used}
+        return out
+
+    def _block(self, n: int) -> _Block:
+        """Filtered decomposition of this call's columns."""
+        D = np.empty(n)
+        for f, s_f in zip(self._fields, self._scales(), strict=True):
+            D[f] = 1.0 / s_f
+        Q, G = np.empty((2, min(len(self._pairs), n), n))
+        k = 0
+        for v, w in self._pairs:
+            if k == n:
+                break
+            q = D * v
+            size = np.linalg.norm(q)
+            h = Q[:k] @ q
+            q -= h @ Q[:k]
+            correction = Q[:k] @ q
+            q -= correction @ Q[:k]
+            rho = np.linalg.norm(q)
+            if rho > self.filter * size:
+                Q[k], G[k] = q / rho, (w - (h + correction) @ G[:k]) / rho
+                k += 1
+        return _Block(Q[:k] * D, Q[:k] / D, G[:k].copy())

@@ -1,0 +1,56 @@
+"""What the coupling loop asks of an acceleration scheme.
+
+Notation of all schemes: x_tilde = G(x), r = x_tilde - x.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+Field = slice | np.ndarray
+
+
+class Scheme(Protocol):
+    """An update rule. `fixed_point` needs `begin`, `step` and `end`; it uses the rest where a scheme has it."""
+
+    @property
+    def record(self) -> dict[str, float]:
+        """What the last update used: "omega" of relaxations, "columns" and "filtered" of quasi-Newton schemes."""
+
+    def begin(self, fields: Sequence[Field]) -> None:
+        """Before the first evaluation of a call: history of earlier calls stays, the call's own starts empty."""
+
+    def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """The next x. Usable without `begin` and `end`; all entries then count as one field."""
+
+    def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
+        """After the last evaluation, with the pair that was tested but never went through `step`."""
+
+    def restart(self) -> bool:
+        """Forget what led astray and go on more carefully; False where the scheme knows no more careful way."""
+
+    def history(self) -> dict[str, Any]:
+        """All that later updates depend on beside the settings: arrays and numbers by name, for a checkpoint."""
+
+    def adopt(self, history: dict[str, Any]) -> None:
+        """Go on from the history of a scheme of this kind, whatever its settings were."""
+
+
+def require_factor(name: str, value: float) -> None:
+    """ValueError if a factor of relaxation is zero or not finite."""
+    if not (math.isfinite(value) and value != 0.0):
+        raise ValueError(f"{name} must be finite and not zero, got {value}.")
+
+
+def require_fraction(name: str, value: float) -> None:
+    """ValueError if a limit is not in [0, 1)."""
+    if not (math.isfinite(value) and 0.0 <= value < 1.0):
+        raise ValueError(f"{name} must be in [0, 1), got {value}.")
+
+
+def require_count(name: str, value: Any, least: int) -> None:
+    """ValueError if a count is not a whole number of at least `least`."""
+    if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= least):
+        raise ValueError(f"{name} must be a whole number >= {least}, got {value}.")
