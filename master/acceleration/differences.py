@@ -5,7 +5,6 @@ V holds differences of r, W differences of x_tilde; a difference is never taken 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
 
 import numpy as np
 
@@ -32,8 +31,6 @@ class QuasiNewton:
     _floor: np.ndarray = field(init=False, repr=False)
     _careful: float = field(init=False, default=1.0, repr=False)
     _size: int = field(init=False, default=0, repr=False)  # entries of x that the columns have
-
-    _kept: ClassVar[tuple[str, ...]] = ("_shares", "_summands", "_floor", "_size")
 
     def __post_init__(self) -> None:
         require_factor("omega0", self.omega0)
@@ -88,15 +85,6 @@ class QuasiNewton:
         self._last = None
         return True
 
-    def history(self) -> dict[str, Any]:
-        """See Scheme."""
-        return {name: _copied(getattr(self, name)) for name in self._kept}
-
-    def adopt(self, history: dict[str, Any]) -> None:
-        """See Scheme."""
-        for name in self._kept:
-            setattr(self, name, _copied(history[name]))
-
     def _learn(self, x: np.ndarray, r: np.ndarray) -> None:
         """Keep the differences to the last pair, unless they are zero, mere rounding of x, or not finite."""
         if self._last is not None:
@@ -141,7 +129,3 @@ def _same(a: Sequence[Field], b: Sequence[Field]) -> bool:
         f == g if isinstance(f, slice) and isinstance(g, slice) else type(f) is type(g) and np.array_equal(f, g)
         for f, g in zip(a, b, strict=True)
     )
-
-
-def _copied(value: Any) -> Any:
-    return value.copy() if isinstance(value, np.ndarray) else value

@@ -1,7 +1,6 @@
 """IQN-IMVJ: interface quasi-Newton that corrects the inverse Jacobian of the call before."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -54,18 +53,6 @@ class IQNIMVJ(QuasiNewton):
             self._pairs = []
             while len(self._past) > 1 and self.columns > self.max_columns:
                 self._past.pop()
-
-    def history(self) -> dict[str, Any]:
-        """See Scheme."""
-        past = [
-            {"weighted": b.weighted.copy(), "basis": b.basis.copy(), "answers": b.answers.copy()} for b in self._past
-        ]
-        return super().history() | {"past": past}
-
-    def adopt(self, history: dict[str, Any]) -> None:
-        """See Scheme."""
-        super().adopt(history)
-        self._past = [_Block(**{k: np.array(v) for k, v in block.items()}) for block in history["past"]]
 
     def _forget(self) -> None:
         self._pairs, self._past = [], []

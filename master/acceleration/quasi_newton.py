@@ -2,7 +2,6 @@
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -22,10 +21,11 @@ class IQNILS(QuasiNewton):
     (Gram-Schmidt, twice), and two tests leave a column out of an update:
 
     * QR2 filter: |v_orth| < `filter` |v|, relative, hence independent of units.
-    * For columns of earlier calls: |v_orth| < `stale` |v| and |w_orth| / |v_orth| > max(1, the same of this call's
-      columns). The quotient is what the inverse Jacobian does in a new direction, moderate for consistent data. Where
-      v_orth is little more than the change of Jacobian since that call, it is large and the column would do harm. So
-      small but exact columns of linear problems stay, small stale ones go, and `filter` can be tight for both.
+    * Consistency: |v_orth| < `curved` |v| (`stale` for columns of earlier calls) and |w_orth| / |v_orth| > max(1, the
+      same of the columns taken so far). The quotient is what the inverse Jacobian does in a new direction, moderate for
+      consistent data. Where v_orth is little more than the change of Jacobian since that column was taken, it is large
+      and the column would do harm. So small but exact columns of linear problems stay, those that a curved map or an
+      earlier call has made false go, and `filter` can be tight for both.
 
     For the weights D see `QuasiNewton`. V and W are kept as QR decompositions of each field, which grow by one column a
     coupling iteration; as D is constant in a field, the filter works on their small triangular factors, and an update
@@ -34,6 +34,7 @@ class IQNILS(QuasiNewton):
 
     reuse: int = 10
     filter: float = 1e-8
+    curved: float = 0.03
     stale: float = 1e-4
     max_columns: int = 100
     _V: list[Columns] = field(init=False, repr=False)  # one a field, oldest column first
@@ -44,6 +45,7 @@ class IQNILS(QuasiNewton):
         super().__post_init__()
         require_count("reuse", self.reuse, 0)
         require_fraction("filter", self.filter)
+        require_fraction("curved", self.curved)
         require_fraction("stale", self.stale)
         require_count("max_columns", self.max_columns, 1)
         self._forget()
@@ -52,20 +54,6 @@ class IQNILS(QuasiNewton):
     def columns(self) -> int:
         """Number of stored pairs (v, w), of this call and of the reused ones."""
         return sum(self._blocks)
-
-    def history(self) -> dict[str, Any]:
-        """See Scheme."""
-        kept = {"blocks": list(self._blocks), "fields": list(self._fields)}
-        kept |= {"V": [c.state() for c in self._V], "W": [c.state() for c in self._W]}
-        return super().history() | kept
-
-    def adopt(self, history: dict[str, Any]) -> None:
-        """See Scheme."""
-        super().adopt(history)
-        self._fields = tuple(history["fields"])
-        self._V, self._W = ([Columns.of_state(c) for c in history[name]] for name in "VW")
-        self._blocks = deque(history["blocks"])
-        self._trim()
 
     def _open(self) -> None:
         if self._blocks[0]:
@@ -150,9 +138,10 @@ class IQNILS(QuasiNewton):
                 continue
             g = (w[j] - (h + correction) @ G[:k]) / rho
             gain = float(np.linalg.norm(g))
-            if j >= max(new, 1) and rho < self.stale * sizes[j] and gain > largest:
+            doubtful = j > 0 and rho < (self.curved if j < new else self.stale) * sizes[j]
+            if doubtful and gain > largest:
                 continue
-            if j < new:
+            if j < new and not doubtful:
                 largest = max(largest, gain)
             Q[k], G[k] = q / rho, g
             k += 1

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -39,13 +38,6 @@ class ConstantRelaxation:
     def restart(self) -> bool:
         """The factor is what the caller wants; there is no other way."""
         return False
-
-    def history(self) -> dict[str, Any]:
-        """Nothing is carried over."""
-        return {}
-
-    def adopt(self, history: dict[str, Any]) -> None:
-        """Nothing is carried over."""
 
 
 @dataclass
@@ -101,11 +93,3 @@ class Aitken:
         self._careful *= CAREFUL
         self._omega, self._r = self._careful * self.omega, None
         return True
-
-    def history(self) -> dict[str, Any]:
-        """The last factor."""
-        return {"omega": self._omega}
-
-    def adopt(self, history: dict[str, Any]) -> None:
-        """Begin with the factor of the history, within the cap."""
-        self._omega = math.copysign(min(abs(history["omega"]), self.omega_max), history["omega"])

@@ -5,6 +5,9 @@ Notation of all schemes: x_tilde = G(x), r = x_tilde - x.
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import fields as dataclass_fields
+from dataclasses import is_dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -31,11 +34,17 @@ class Scheme(Protocol):
     def restart(self) -> bool:
         """Forget what led astray and go on more carefully; False where the scheme knows no more careful way."""
 
-    def history(self) -> dict[str, Any]:
-        """All that later updates depend on beside the settings: arrays and numbers by name, for a checkpoint."""
 
-    def adopt(self, history: dict[str, Any]) -> None:
-        """Go on from the history of a scheme of this kind, whatever its settings were."""
+def adopt(scheme: Any, earlier: Any) -> bool:
+    """Let a scheme go on from the history of an earlier one of its kind, keeping its own settings; False if the kinds
+    differ. What follows from the settings is theirs from the next call on.
+    """
+    if type(scheme) is not type(earlier) or not is_dataclass(scheme):
+        return False
+    for entry in dataclass_fields(scheme):
+        if not entry.init:
+            setattr(scheme, entry.name, deepcopy(getattr(earlier, entry.name)))
+    return True
 
 
 def require_factor(name: str, value: float) -> None:
