@@ -122,10 +122,11 @@ def fixed_point(
 
     Before a loop ends as diverged or stalled it tries again, at most `recoveries` times in all and once after a stall.
     An evaluation that failed is repeated half-way to the best point so far (at the first evaluation: where it was).
-    After growth or a stall the scheme begins anew, more carefully, from the best point; schemes that know no more
-    careful way (constant relaxation) end at once. `anchor` puts solvers with a memory back where they were at that
-    point. `hold(progress)` is called before every evaluation with what the loop needs to go on from there; given back
-    as `progress`, with the scheme as it was then, the loop continues bitwise as it would have.
+    After two failures in a row, growth or a stall the scheme begins anew, more carefully, from the best point; schemes
+    that know no more careful way (constant relaxation) end at once after growth or a stall. `anchor` puts solvers with
+    a memory back where they were at that point. `hold(progress)` is called before every evaluation with what the loop
+    needs to go on from there; given back as `progress`, with the scheme as it was then, the loop continues bitwise as
+    it would have.
     """
     if isinstance(max_iterations, bool) or int(max_iterations) != max_iterations or max_iterations < 1:
         raise ValueError(f"max_iterations must be a whole number >= 1, got {max_iterations}.")
@@ -222,10 +223,15 @@ class _Loop:
         return True
 
     def retreat(self, reason: str) -> bool:
-        """Half-way to the best point after an evaluation that failed; False if nothing is left to try."""
+        """Half-way to the best point after an evaluation that failed; False if nothing is left to try.
+
+        If that failed too, the scheme begins anew where it can.
+        """
         p = self.progress
         if len(p.recoveries) >= self.recoveries:
             return False
+        if p.recoveries and p.recoveries[-1].iteration == p.evaluations - 1 and self.begin_anew(reason):
+            return True
         remedy = "tried again"
         if p.best is not None:
             p.x, remedy = p.best[0] + RETREAT * (p.x - p.best[0]), "tried again half-way to the best point"
