@@ -55,7 +55,7 @@ class Tube:
             if not (np.isfinite(v[-1]) and self.p0[-1] < 2.0 * self.c2 and np.abs(p).max() < 1e3 * self.c2):
                 return np.full(self.N + 1, np.nan)
             F, J = self.flow_residual(a, v, p)
-            d = solve_banded((4, 4), J, -F, overwrite_ab=True, overwrite_b=True, check_finite=False)
+            d = _correction(4, J, F)
             v, p = v + d[0::2], p + d[1::2]
             # far below the tightest interface tolerance used (1e-6 of the first residual)
             if np.linalg.norm(d) <= 1e-12 * math.sqrt(d.size) * (1.0 + np.abs(p).max()):
@@ -176,7 +176,7 @@ class RingWallTube:
         v, p = self.v.copy(), self.p.copy()
         for _ in range(NEWTON_ITERATIONS):
             F, J = self.flow_residual(growth, *areas, v, p)
-            d = solve_banded((2, 2), J, -F, overwrite_ab=True, overwrite_b=True, check_finite=False)
+            d = _correction(2, J, F)
             v, p = v + d[0::2], p + d[1::2]
             # near rounding of the wave speed, and far below the tightest interface tolerance used, 1e-8
             if not np.abs(d[0::2]).max() > 1e-12 * self.wave_speed:
@@ -227,6 +227,14 @@ class RingWallTube:
     def advance(self, x):
         self.r2, self.r1, self.v0 = self.r1, x, self.v
         self.t += self.dt
+
+
+def _correction(width, J, F):
+    """-J^-1 F of a banded J; nan where it is singular, which ends the coupling loop as diverged."""
+    try:
+        return solve_banded((width, width), J, -F, overwrite_ab=True, overwrite_b=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return np.full_like(F, np.nan)
 
 
 def _on_faces(a):
