@@ -10,8 +10,8 @@ from benchmarks.reference_problems import REFERENCES, Linear
 from master.acceleration import IQNILS
 from master.fixed_point import fixed_point
 
-# iqnils of Kratos 10.4.4: mean evaluations of G a step, iteration_horizon, timestep_horizon, alpha, which are the best of
-# those tried for each problem. Source: `.venv/bin/python -m benchmarks run coupling.reference`, docs/benchmarks.md.
+# iqnils of Kratos 10.4.4: mean evaluations of G a step, iteration_horizon, timestep_horizon, alpha; the best of those
+# tried for each problem. Source: `.venv/bin/python -m benchmarks run coupling.reference`, docs/benchmarks.md.
 KRATOS_IQNILS = {
     "linear": (15, 12, 3, 0.125),
     "two badly scaled fields": (28, 12, 3, 0.125),
