@@ -5,9 +5,9 @@ import pickle
 import numpy as np
 import pytest
 
+from benchmarks.reference_problems import BadlyScaledFields
 from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
 from master.fixed_point import fixed_point
-from tests.master.reference_problems import BadlyScaledFields
 
 EXPLICIT = ConstantRelaxation(1.0)
 
