@@ -16,13 +16,11 @@ class Test:
     """Convergence test and progress measure; remembers the first residuals and the best measure."""
 
     def __init__(self, names: list[str], atol: Tolerance, rtol: Tolerance, residual_rtol: Tolerance):
-        atol, rtol, residual_rtol = (
-            per_field(*given, names) for given in (("atol", atol), ("rtol", rtol), ("residual_rtol", residual_rtol))
-        )
-        for name, a, b, c in zip(names, atol, rtol, residual_rtol, strict=True):
-            if a == b == c == 0.0:
+        self.atol, self.rtol = per_field("atol", atol, names), per_field("rtol", rtol, names)
+        self.residual_rtol = per_field("residual_rtol", residual_rtol, names)
+        for name, *given in zip(names, self.atol, self.rtol, self.residual_rtol, strict=True):
+            if not any(given):
                 raise ValueError(f"All tolerances of field '{name}' are zero; set atol, rtol or residual_rtol.")
-        self.atol, self.rtol, self.residual_rtol = atol, rtol, residual_rtol
         self.reference = np.zeros(len(names))  # |r_1| of each field
         self.scale = np.zeros(len(names))  # first tolerance of each field that is not zero
         self.converged = False

@@ -242,10 +242,15 @@ class Exchange:
 
     def accept(self) -> None:
         """End a communication step: time goes on, the states of its beginning are freed."""
-        self.freed(self._states)
-        self._began = {}
+        self.abandon()
         if self.rollback:
             self.time += self.dt
+
+    def abandon(self) -> None:
+        """Free the states of the beginning of the communication step; the participants stay as they are."""
+        with contextlib.suppress(ValueError, RuntimeError):  # of a participant that has ended
+            self.freed(self._states)
+        self._began = {}
 
 
 class Warmth:
