@@ -133,7 +133,8 @@ class CoupledResult:
 class Search:
     """Where a coupled solve stands: what it needs, with the states of the participants, to go on.
 
-    `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given.
+    `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given; `best` are the states of
+    the participants at the best point, once, after a checkpoint was read.
     """
 
     order: Order
@@ -142,6 +143,7 @@ class Search:
     history: list[dict[str, float]] = field(default_factory=list)
     recoveries: list[Recovery] = field(default_factory=list)
     loop: Progress | None = None
+    best: dict[str, Any] | None = None
 
 
 def solve(
@@ -193,8 +195,8 @@ def solve(
     residual_N = float("nan")
     while True:
         done = len(history) if search.loop is None else len(history) - search.loop.evaluations
-        warmth = Warmth(coupling)
-        loop, search.loop = search.loop, None
+        warmth = Warmth(coupling, search.best)
+        loop, search.loop, search.best = search.loop, None, None
         now = search  # for the closure
 
         def held(p: Progress, warmth: Warmth = warmth, now: Search = now) -> None:
