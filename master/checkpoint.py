@@ -9,11 +9,13 @@ import json
 import os
 import pickle
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from master.acceleration import Scheme
-from master.coupling import Coupling, Search
+from master.acceleration.scheme import adopt
+from master.coupling import CoupledResult, Coupling, Search
 from master.exchange import Exchange, Warmth
 from master.march import March
 
@@ -92,3 +94,75 @@ def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
 def of_march(exchange: Exchange, scheme: Scheme | None, begun: March) -> dict[str, Any]:
     """Content of a checkpoint of a run through time."""
     return {"march": begun, "scheme": scheme, "participants": participants(exchange)}
+
+
+@dataclass(frozen=True)
+class Files:
+    """What a run shall write: a checkpoint before every `every`-th coupling iteration; and where it goes on from."""
+
+    checkpoint: Path | None = None
+    every: int = 1
+    restart: Path | None = None
+
+
+class Keeper:
+    """Writes the checkpoints of a coupled solve; without a path none."""
+
+    def __init__(
+        self, path: Path | None, every: int, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any]
+    ) -> None:
+        self._path, self._every, self._about = path, every, about
+        self._coupling, self._scheme = coupling, scheme
+
+    def __call__(self, search: Search, warmth: Warmth) -> None:
+        """Before a coupling iteration."""
+        if self._path is not None and len(search.history) % self._every == 0:
+            about = {**self._about, "coupling_iterations": len(search.history), "status": "under way"}
+            write(self._path, about, of_search(self._coupling, self._scheme, search, warmth))
+
+    def end(self, result: CoupledResult) -> None:
+        """After a solve that converged: another wind or tolerance may begin from here."""
+        if self._path is not None:
+            about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
+            ended = Search(self._about["order"], self._coupling.present(self._about["order"]), history=result.history)
+            write(self._path, about, of_search(self._coupling, self._scheme, ended, None))
+
+
+# What may change without ending the loop under way: it only says how long to go on and what to do afterwards.
+HARMLESS = ("max_iterations", "stability", "report", "backend", "coupling_iterations", "status")
+
+
+def restart(
+    path: Path, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any], chosen: Mapping[str, Any]
+) -> tuple[Search, list[str]]:
+    """Where a coupled solve goes on from a checkpoint, and a remark on what is different now.
+
+    With the settings as they were the loop goes on bitwise as if it had not stopped. With others (scheme, tolerances,
+    tunable parameters among the `chosen`) a new loop begins at the shape and with the solvers' states of the
+    checkpoint, and with its quasi-Newton history where the scheme is of the same kind. ValueError in one sentence for
+    a checkpoint of another scene or with other settings of it, and for a fixed parameter that shall change.
+    """
+    was, content = read(path)
+    for key in ("scene", "scene_settings"):
+        if was.get(key) != json.loads(json.dumps(about[key], default=str)):
+            raise ValueError(
+                f"checkpoint {path} is of {key} {was.get(key)}, this run of {about[key]}; begin without it."
+            )
+    search = search_of(coupling, content)
+    adopted = adopt(scheme, content["scheme"])
+    now = json.loads(json.dumps(dict(about), default=str))
+    changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
+    given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
+    remark = f"went on from {path.name}, {was['coupling_iterations']} coupling iterations from its beginning"
+    if not changed and not given and search.loop is not None:
+        return search, [remark]
+    for name in given:
+        for participant in (coupling.structural, coupling.aero):
+            if participant.causality.get(name) == "parameter":
+                participant.set(name, now["parameters"][name])
+    for key in changed:
+        remark += f", {key} {was.get(key)} -> {now[key]}"
+    for name in given:
+        remark += f", {name} {was['parameters'].get(name, 'as built')} -> {now['parameters'][name]}"
+    remark += "" if adopted else ", without the history of another scheme"
+    return Search(about["order"], coupling.present(about["order"])), [remark]

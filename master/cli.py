@@ -27,14 +27,19 @@ SetOption = Annotated[
 @app.command(short_help="Couple structure and flow of SCENE to equilibrium.")
 def run(
     scene: SceneArgument,
-    scheme: Annotated[str, typer.Option(help="explicit, relaxation, aitken or iqn-ils.")] = "iqn-ils",
+    scheme: Annotated[
+        str, typer.Option(help="explicit, relaxation, aitken, iqn-ils, iqn-imvj or newton-krylov (in-process only).")
+    ] = "iqn-ils",
+    order: Annotated[
+        str, typer.Option(help="serial: flow, then structure; parallel: both at once, loads are iterated too.")
+    ] = "serial",
     backend: Annotated[
         str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")
     ] = "fmu",
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/SCENE.")] = None,
     relaxation: Annotated[
-        float | None, typer.Option(help="Factor of relaxation; first factor of aitken and iqn-ils.")
+        float | None, typer.Option(help="Factor of relaxation; first factor of aitken and the quasi-Newton schemes.")
     ] = None,
     tolerance: Annotated[
         float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
@@ -43,15 +48,26 @@ def run(
     max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
     stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
     report: Annotated[bool, typer.Option(help="Write plots, VTK files and an HTML page too.")] = True,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="File that keeps where the run stands, so that it can go on after an end.")
+    ] = None,
+    checkpoint_every: Annotated[int, typer.Option(help="Coupling iterations from checkpoint to checkpoint.")] = 1,
+    restart: Annotated[
+        Path | None,
+        typer.Option(help="Go on from this checkpoint (of your own); other settings than then are allowed."),
+    ] = None,
+    live: Annotated[bool, typer.Option("--live", help="Plot the residual in the terminal while it runs.")] = False,
 ) -> None:
     """Couple structure and flow of SCENE to equilibrium; print a table, write results and a report.
 
     Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input.
     """
+    from master.checkpoint import Files
     from master.commands import run_scene
 
     choices = {
         "scheme": scheme,
+        "order": order,
         "backend": backend,
         "relaxation": relaxation,
         "tolerance": tolerance,
@@ -60,7 +76,8 @@ def run(
         "stability": stability,
         "report": report,
     }
-    _finish(lambda: run_scene(scene, choices, _assignments(set_), out))
+    files = Files(checkpoint, checkpoint_every, restart)
+    _finish(lambda: run_scene(scene, choices, _assignments(set_), out, files, live))
 
 
 @app.command(short_help="Build the structural and the aerodynamic FMU of SCENE.")

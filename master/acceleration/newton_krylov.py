@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, gmres
@@ -30,6 +31,10 @@ class NewtonKrylov:
     def __post_init__(self) -> None:
         require_fraction("eta", self.eta)
         require_count("directions", self.directions, 1)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the product, which belongs to the participants."""
+        return {k: v for k, v in self.__dict__.items() if k != "product"}
 
     def begin(self, fields: Sequence[Field]) -> None:
         """See Scheme."""
