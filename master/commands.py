@@ -33,16 +33,16 @@ def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out:
     """Run a scene, print its table, write its files; the exit code."""
     _checked(choices)
     begin = time.perf_counter()
-    scene, given = _prepared(name, assigned)
+    scene, given = prepared(name, assigned)
     out = out or Path("results") / scene.name
-    _folder(out)
+    results_folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run
         (out / name).unlink(missing_ok=True)
     for side in ("structural", "aero"):
         (out / "fmus" / f"{scene.name}_{side}.fmu").unlink(missing_ok=True)
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options["tie_tolerance"] = "solver_tolerance" not in given
-    with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
+    with pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
         ready = time.perf_counter()
         run = coupled_run(coupling, _scheme(choices), choices["stability"], progress, **options)
     run.remarks.extend(_hints(scene, given, run))
@@ -99,14 +99,14 @@ def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
     """Build the two FMUs of a scene; the exit code."""
     from fmus.builder import build
 
-    scene, given = _prepared(name, assigned)
-    _folder(out)
+    scene, given = prepared(name, assigned)
+    results_folder(out)
     for path in build(scene, out, given):
         print(path)
     return 0
 
 
-def _folder(out: Path) -> None:
+def results_folder(out: Path) -> None:
     """Make the folder for results; ValueError in one sentence if that cannot be."""
     if (out / "scene.toml").exists():
         raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
@@ -165,7 +165,7 @@ def _scheme(choices: dict[str, Any]) -> Any:
     return scheme(name) if factor is None else scheme(name, **{SCHEMES[name].relaxation: factor})
 
 
-def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
+def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
     """The scene with its settings, and its parameters: the assigned ones, checked, and the trim angle if it has one."""
     import scenes
 
@@ -202,7 +202,7 @@ def _number(key: str, text: str, variable: Any) -> Any:
 
 
 @contextlib.contextmanager
-def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
+def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
     """The two participants of a scene, coupled; they are closed at the end."""
     with contextlib.ExitStack() as stack:
         if backend == "fmu":
