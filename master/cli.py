@@ -120,7 +120,7 @@ def compare(
     jobs: Annotated[
         int | None,
         typer.Option(
-            help="Worker processes; without it one a core. 1 for wall times that nothing disturbs, 0: no worker process."
+            help="Worker processes; without it one a core. 1: wall times that nothing disturbs. 0: no worker process."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("results/compare"),

@@ -12,6 +12,7 @@ from master.comparison.flat import flat_rows
 from master.comparison.grid import grid
 from master.comparison.pool import rows
 from master.comparison.store import Store
+from master.report.tables import plain
 from master.schemes import SCHEMES
 
 __all__ = ["compare"]
@@ -78,6 +79,7 @@ def compare(
         progress(len(found), len(cells), None)
     left = [cell for cell in cells if cell.key not in found]
     for cell, row in rows(left, min(os.cpu_count() or 1, len(left)) if jobs is None else jobs):
+        row = plain(row)  # as it comes back from a file
         found[cell.key] = row
         if store is not None and row["status"] != "crashed":  # what crashed is tried again another time
             store.write(cell, row)

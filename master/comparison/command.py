@@ -10,8 +10,9 @@ from master.comparison import compare
 from master.comparison.files import FILES, lacking
 from master.comparison.tables import HEADER, LEGEND, WORDS, cases, shown, texts
 from master.report import print_written
-from master.report.console import console
+from master.report.console import new_console
 
+PAGE_ONLY = ("calls", "newton", "CD")  # columns that a terminal has no room for
 EXIT_ALL_RAN, EXIT_CRASHED, EXIT_INTERRUPTED = 0, 1, 130
 
 
@@ -20,10 +21,11 @@ def compare_scenes(
 ) -> int:
     """Compare, print a table, write files; the exit code."""
     names = None if schemes is None else [name.strip() for name in schemes.split(",") if name.strip()]
-    given = {"parameters": _lists(values, "--parameters iqn-ils.reuse=0,5"), "sweep": _lists(sweep, "--sweep wind_speed=8,12")}
+    parameters = _lists(values, "--parameters iqn-ils.reuse=0,5")
+    swept = _lists(sweep, "--sweep wind_speed=8,12")
     try:
         with _progress(out) as progress:
-            rows = compare(scenes, names, **given, out=out, progress=progress, **options)
+            rows = compare(scenes, names, parameters, swept, out=out, progress=progress, **options)
     except KeyboardInterrupt:
         print(
             f"kitecosim: interrupted; the finished cells are in {out}/cells, and the same command goes on from there.",
@@ -65,7 +67,9 @@ def _progress(out: Path) -> Iterator[Callable[[int, int, dict[str, Any] | None],
 
         def progress(done: int, total: int, row: dict[str, Any] | None) -> None:
             if bar is not None:
-                bar.update(task, completed=done, total=total, description=f"{row['case']}, {row['label']}" if row else "")
+                bar.update(
+                    task, completed=done, total=total, description=f"{row['case']}, {row['label']}" if row else ""
+                )
             if row is None and done:
                 print(f"{done} of {total} cells were there already, in {out}/cells")
             if row is not None and row["status"] == "crashed":
@@ -80,7 +84,7 @@ def print_comparison(rows: Sequence[dict[str, Any]]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    screen, keys = console(), [key for key in shown(rows) if key != "calls"]  # the page has room for them
+    screen, keys = new_console(), [key for key in shown(rows) if key not in PAGE_ONLY]
     for case, members in cases(rows).items():
         table = Table(title=escape(case), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
         for key in keys:

@@ -1,11 +1,12 @@
 """The plots of a comparison: residuals, coupling iterations and relaxation factors, in the look of a run's report."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from master.comparison.tables import cases, status
+from master.report.convergence import power_of_ten
 from master.report.figures import DARK, MIDDLE, WIDTH, axes_at, new_figure, style, wrapped
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MOST_IN_ONE = 7  # lines of a panel; with more there is a panel a scheme
 LEFT, RIGHT, TOP, BOTTOM, GAP = 0.8, 2.25, 0.4, 0.5, 0.45  # in
 HEIGHT, SMALL = 1.75, 1.35  # in, of a panel that spans the page and of one that does not
+COLUMN_GAP, LINE = 0.15, 0.17  # in, between small panels, and of a line of a legend
 BAR = 0.19  # in, of a cell in the plot of iterations
 
 Rows = Sequence[dict[str, Any]]
@@ -36,6 +38,8 @@ def comparison_figures(rows: Rows) -> dict[str, "Figure"]:
 
 def residual_figure(rows: Rows) -> "Figure":
     """Interface residual m over the coupling iterations: a panel a scene, or where lines are many one a scheme."""
+    from matplotlib.ticker import FuncFormatter
+
     with style():
         tolerance = rows[0]["tolerance"]
         values = np.array([v for row in rows for v in row["residual_history_m"] if v is not None and v > 0.0])
@@ -45,14 +49,20 @@ def residual_figure(rows: Rows) -> "Figure":
         def panel(axes: "Axes", mine: Rows, others: Rows, looks: dict[str, Any]) -> None:
             axes.set_yscale("log")
             axes.minorticks_off()
+            axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: power_of_ten(y)))
             for row in others:
-                axes.plot(*_line(row, "residual_history_m"), color="0.8", lw=0.8)
+                axes.plot(*_line(row, "residual_history_m", span[0]), color="0.8", lw=0.8)
             for row in mine:
-                _drawn(axes, row, "residual_history_m", looks[row["label"]])
+                _drawn(axes, row, "residual_history_m", looks[row["label"]], span[0])
             axes.axhline(tolerance, color=MIDDLE, ls="--", lw=0.8)
             axes.set_ylim(*span)
 
-        return _panels(rows, "Interface residual over the coupling iterations", "interface residual, m", panel)
+        return _panels(
+            rows,
+            "Interface residual over the coupling iterations, and how many each scheme took",
+            "interface residual, m",
+            panel,
+        )
 
 
 def omega_figure(rows: Rows) -> "Figure":
@@ -86,7 +96,7 @@ def iteration_figure(rows: Rows) -> "Figure":
         most = max((row["coupling_iterations"] or 0 for row in rows), default=1)
         for height, (case, members) in zip(heights, groups.items(), strict=True):
             at -= height
-            shared = {} if first is None else {"sharex": first}
+            shared: dict[str, Any] = {} if first is None else {"sharex": first}
             axes = axes_at(figure, left, at + 0.1, WIDTH - left - 0.25, height, **shared)
             first = axes if first is None else first
             axes.set_title(case, loc="left", pad=3.0)
@@ -130,7 +140,7 @@ def _panels(rows: Rows, title: str, y_label: str, draw: Any) -> "Figure":
     return _by_scheme(groups, title, y_label, draw)
 
 
-def _one_each(groups: dict[str, Rows], title: str, y_label: str, draw: Any) -> "Figure":
+def _one_each(groups: Mapping[str, Rows], title: str, y_label: str, draw: Any) -> "Figure":
     looks = _looks(list(dict.fromkeys(row["label"] for rows in groups.values() for row in rows)))
     total = TOP + len(groups) * (HEIGHT + GAP) - GAP + BOTTOM + 0.15
     figure = new_figure(total, title)
@@ -147,36 +157,45 @@ def _one_each(groups: dict[str, Rows], title: str, y_label: str, draw: Any) -> "
     return figure
 
 
-def _by_scheme(groups: dict[str, Rows], title: str, y_label: str, draw: Any) -> "Figure":
+def _by_scheme(groups: Mapping[str, Rows], title: str, y_label: str, draw: Any) -> "Figure":
     """Small multiples; the other schemes of the case are grey behind the lines of one."""
     schemes = list(dict.fromkeys(row["scheme"] for rows in groups.values() for row in rows))
-    labels = {s: list(dict.fromkeys(r["label"] for rs in groups.values() for r in rs if r["scheme"] == s)) for s in schemes}
-    looks = {label: look for mine in labels.values() for label, look in _looks(mine).items()}
-    columns = min(3, len(schemes))
-    lines = -(-len(schemes) // columns)
-    width = (WIDTH - LEFT - 0.15 - 0.12 * (columns - 1)) / columns
-    legend = 0.155 * max(map(len, labels.values())) + 0.1
-    height = SMALL + legend
-    block = lines * (height + 0.55) + 0.3
-    total = TOP + len(groups) * block + 0.1
+    looks: dict[str, Any] = {}
+    for scheme in schemes:
+        looks |= _looks(
+            list(dict.fromkeys(r["label"] for rows in groups.values() for r in rows if r["scheme"] == scheme))
+        )
+    columns = 2 if len(schemes) in (2, 4) else min(3, len(schemes))
+    width = (WIDTH - LEFT - 0.15 - COLUMN_GAP * (columns - 1)) / columns
+    room = width - 0.45
+    blocks, total = [], TOP + 0.05  # (case, lines of schemes, the height of each line), and the height of all
+    for case, rows in groups.items():
+        lines = [schemes[i : i + columns] for i in range(0, len(schemes), columns)]
+        legends = [max(sum(_lines(r, room) for r in rows if r["scheme"] == s) for s in line) for line in lines]
+        heights = [SMALL + 0.72 + LINE * count for count in legends]
+        blocks.append((case, rows, lines, heights))
+        total += 0.25 + sum(heights)
     figure = new_figure(total, title)
-    for k, (case, rows) in enumerate(groups.items()):
-        top = total - TOP - k * block
-        figure.text(0.12 / WIDTH, (top - 0.02) / total, case, va="top", fontsize=8.0, fontweight="bold")
-        for i, scheme in enumerate(schemes):
-            line, column = divmod(i, columns)
-            at = top - 0.42 - line * (height + 0.55) - SMALL
-            axes = axes_at(figure, LEFT + column * (width + 0.12), at, width, SMALL)
-            mine = [row for row in rows if row["scheme"] == scheme]
-            axes.set_title(scheme, loc="left", pad=3.0)
-            draw(axes, mine, [row for row in rows if row["scheme"] != scheme], looks)
-            _finish(axes, rows)
-            axes.tick_params(labelleft=column == 0)
-            if column == 0:
-                axes.set_ylabel(y_label)
-                axes.yaxis.set_label_coords(-0.55 / width, 0.5)
-            axes.set_xlabel("coupling iteration", labelpad=1.0)
-            _legend(axes, mine, looks, width - 0.4, loc="upper left", bbox_to_anchor=(0.0, -0.36 / SMALL))
+    top = total - TOP
+    for case, rows, lines, heights in blocks:
+        figure.text(0.12 / WIDTH, top / total, case, va="top", fontsize=8.0, fontweight="bold")
+        top -= 0.25
+        for line, height in zip(lines, heights, strict=True):
+            for column, scheme in enumerate(line):
+                at = LEFT + column * (width + COLUMN_GAP), top - 0.18 - SMALL
+                axes = axes_at(figure, *at, width, SMALL)
+                mine = [row for row in rows if row["scheme"] == scheme]
+                axes.set_title(scheme, loc="left", pad=3.0)
+                draw(axes, mine, [row for row in rows if row["scheme"] != scheme], looks)
+                _finish(axes, rows)
+                axes.tick_params(labelleft=column == 0)
+                if column == 0:
+                    axes.set_ylabel(y_label)
+                    axes.yaxis.set_label_coords(-0.55 / width, 0.5)
+                axes.set_xlabel("coupling iteration", labelpad=1.0)
+                place = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.38 / SMALL)}
+                _legend(axes, mine, looks, room, True, **place)
+            top -= height
     return figure
 
 
@@ -184,24 +203,30 @@ def _finish(axes: "Axes", rows: Rows) -> None:
     from matplotlib.ticker import MaxNLocator
 
     axes.grid(True)
-    axes.xaxis.set_major_locator(MaxNLocator(10, integer=True, min_n_ticks=1))
+    axes.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1, steps=[1, 2, 5, 10]))
     most = max(row["coupling_iterations"] for row in rows)
     axes.set_xlim(1.0 - 0.02 * most, most + 0.02 * most + 0.5)
 
 
-def _legend(axes: "Axes", rows: Rows, looks: dict[str, Any], room: float, **place: Any) -> None:
+def _legend(axes: "Axes", rows: Rows, looks: dict[str, Any], room: float, short: bool = False, **place: Any) -> None:
     from matplotlib.lines import Line2D
 
-    entries = [
-        Line2D([], [], **looks[row["label"]], label=wrapped(f"{row['label']}: {_end(row)}", room)) for row in rows
-    ]
+    entries = [Line2D([], [], **looks[row["label"]], label=wrapped(_entry(row, short), room)) for row in rows]
     axes.legend(handles=entries, borderaxespad=0.0, handlelength=2.2, labelspacing=0.25, **place)
 
 
-def _end(row: dict[str, Any]) -> str:
-    if row["status"] == "converged":
-        return f"{row['coupling_iterations']}" + ("" if row["equilibrium"] == 1 else " *")
-    return f"{status(row)}, {row['coupling_iterations']}"
+def _entry(row: dict[str, Any], short: bool) -> str:
+    """What the legend says of a row: the scheme, but for `short`, its parameters, and how many iterations it took."""
+    name = row["label"].removeprefix(row["scheme"]).strip() if short else row["label"]
+    if row["status"] != "converged":
+        end = f"{status(row)}, {row['coupling_iterations']}"
+    else:
+        end = f"{row['coupling_iterations']}" + ("" if row["equilibrium"] == 1 else " *")
+    return f"{name}: {end}" if name else end
+
+
+def _lines(row: dict[str, Any], room: float) -> int:
+    return wrapped(_entry(row, True), room).count("\n") + 1
 
 
 def _looks(labels: list[str]) -> dict[str, Any]:
@@ -214,14 +239,15 @@ def _looks(labels: list[str]) -> dict[str, Any]:
     }
 
 
-def _line(row: dict[str, Any], key: str) -> tuple[np.ndarray, np.ndarray]:
-    values = np.array([np.nan if v is None else v for v in row[key]], dtype=float)
+def _line(row: dict[str, Any], key: str, floor: float = -np.inf) -> tuple[np.ndarray, np.ndarray]:
+    """Coupling iterations and values; those below the `floor` of the axis, such as a residual of zero, stand on it."""
+    values = np.array([np.nan if v is None else max(v, floor) for v in row[key]], dtype=float)
     return np.arange(1, len(values) + 1), values
 
 
-def _drawn(axes: "Axes", row: dict[str, Any], key: str, look: dict[str, Any]) -> None:
+def _drawn(axes: "Axes", row: dict[str, Any], key: str, look: dict[str, Any], floor: float = -np.inf) -> None:
     """The history of a row with a mark at its end: a dot where it converged, a red cross where it did not."""
-    k, values = _line(row, key)
+    k, values = _line(row, key, floor)
     axes.plot(k, values, **look)
     there = np.flatnonzero(np.isfinite(values))
     if len(there):

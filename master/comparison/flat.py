@@ -37,7 +37,7 @@ def _equilibria(found: dict[int, dict[str, Any]], tolerance: float) -> dict[int,
     for i in ranked:
         for group in groups:
             d = displacement[group[0]]
-            if np.linalg.norm(displacement[i] - d) <= max(SAME * np.linalg.norm(d), TOLERANCES * tolerance):
+            if np.linalg.norm(displacement[i] - d) <= max(SAME * float(np.linalg.norm(d)), TOLERANCES * tolerance):
                 group.append(i)
                 break
         else:

@@ -1,4 +1,4 @@
-"""The cells of a comparison: each scene with each set of its settings, times each scheme with each set of parameters."""
+"""The cells of a comparison: each scene with each set of its settings, with each scheme and set of its parameters."""
 
 import hashlib
 import itertools
@@ -110,7 +110,9 @@ def _variants(schemes: Sequence[str], given: Mapping[str, Sequence[Any]]) -> lis
         owners = [s for s in ([prefix] if prefix else schemes) if s in SCHEMES and name in SCHEMES[s].parameters]
         if prefix and prefix not in schemes:
             known = "compared" if prefix in SCHEMES else "there"
-            raise ValueError(f"--parameters {key}: scheme '{prefix}' is not {known}; schemes are: {', '.join(schemes)}.")
+            raise ValueError(
+                f"--parameters {key}: scheme '{prefix}' is not {known}; schemes are: {', '.join(schemes)}."
+            )
         if not owners:
             has = "; ".join(f"{s}: {', '.join(SCHEMES[s].parameters) or 'none'}" for s in schemes)
             raise ValueError(f"--parameters {key}: no scheme compared has a parameter '{name}'; they have: {has}.")
@@ -128,22 +130,26 @@ def _variants(schemes: Sequence[str], given: Mapping[str, Sequence[Any]]) -> lis
 
 def _cases(scenes: Sequence[str], assigned: Mapping[str, str], sweep: Mapping[str, Sequence[str]]) -> list[Any]:
     """(loaded scene, its assigned names and texts, case) of every combination of the swept values."""
+    if both := [key for key in assigned if key in sweep]:
+        raise ValueError(f"'{both[0]}' is both set and swept; do one of the two.")
+    # what is said of one scene goes before what is said of all
+    pairs = sorted([*((k, [v]) for k, v in assigned.items()), *sweep.items()], key=lambda pair: "." in pair[0])
     described = [(name, *_names(name)) for name in scenes]
     labels = [label for _, label, _ in described]
     used: set[str] = set()
     out = []
     for path, label, known in described:
         mine: dict[str, Sequence[str]] = {}
-        for key, values in [*((k, [v]) for k, v in assigned.items()), *sweep.items()]:
+        for key, values in pairs:
             prefix, _, name = key.rpartition(".")
             # a single scene answers for itself, in the words of `kitecosim run`
             if prefix == label or (not prefix and (name in known or len(scenes) == 1)):
                 used.add(key)
                 mine[name] = values
-        swept = [k for k in mine if len(mine[k]) > 1 or k in sweep or f"{label}.{k}" in sweep]
+        mine = dict(sorted(mine.items(), key=lambda item: len(item[1]) > 1))  # swept ones last
         for combination in itertools.product(*mine.values()):
             given = dict(zip(mine, combination, strict=True))
-            case = " ".join([label, *(f"{k}={given[k]}" for k in swept)])
+            case = " ".join([label, *(f"{k}={v}" for k, v in given.items())])
             out.append((prepared(path, given)[0], given, case))
     for key in [*assigned, *sweep]:
         if key not in used:
@@ -171,7 +177,9 @@ def _kinds_like(key: str, values: Sequence[Any], default: Any) -> list[Any]:
                 value = int(number) if isinstance(default, int) and number == int(number) else number
             except (ValueError, OverflowError):
                 if value.lower() not in words and isinstance(default, int | float):
-                    raise ValueError(f"--parameters {key}: '{value}' is not a number; its default is {default}.") from None
+                    raise ValueError(
+                        f"--parameters {key}: '{value}' is not a number; its default is {default}."
+                    ) from None
                 value = words.get(value.lower(), value)
         if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)

@@ -22,11 +22,15 @@ def page(rows: Sequence[dict[str, Any]], figures: Mapping[str, tuple[str, bytes]
     template = files("master.comparison").joinpath("compare.html").read_text(encoding="utf-8")
     groups = cases(rows)
     keys = shown(rows)
+    header, lines = matrix(rows)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(template).render(
         look=Markup(_look()),
         findings=[f"{case}: {finding(members)}" for case, members in groups.items()],
-        overview=matrix(rows),
+        overview_header=header,
+        overview=[
+            [(text, False) for text in line[:1]] + [(text, "/" not in text) for text in line[1:]] for line in lines
+        ],
         overview_legend=matrix_legend(rows),
         header=[(HEADER[key], key not in WORDS) for key in keys],
         tables={case: [_row(row, keys) for row in members] for case, members in groups.items()},
@@ -66,7 +70,7 @@ def _row(row: dict[str, Any], keys: Sequence[str]) -> dict[str, Any]:
 
 
 def _settings(rows: Sequence[dict[str, Any]]) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Title and (name, value) pairs: what all cells share, then of each case and of each scheme what it has of its own."""
+    """Title and (name, value) pairs: what all cells share, then what is of each scheme and of each case."""
     out = [("All cells", [(name, cell(rows[0][name])[0]) for name in OPTIONS])]
     out[0][1].extend((k, str(v)) for k, v in rows[0].items() if k.startswith("version."))
     for label, row in {row["label"]: row for row in rows}.items():

@@ -85,7 +85,7 @@ def _ignore_interrupt() -> None:
 
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
-    """Processes started meanwhile load their BLAS with one thread: their matrices are small, and the cores are taken."""
+    """Processes started meanwhile load their BLAS with one thread: the matrices are small, and the cores are taken."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:

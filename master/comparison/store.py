@@ -11,7 +11,7 @@ from master.report.tables import write_json
 
 
 class Store:
-    """The folder `out`/cells. A file is named after the hash of all that defines its cell, and is whole or not there."""
+    """The folder `out`/cells. A file is named after the hash of all that defines its cell, and is whole or missing."""
 
     def __init__(self, out: Path) -> None:
         self._folder = out / "cells"

@@ -49,7 +49,8 @@ def shown(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def texts(row: dict[str, Any]) -> dict[str, str]:
-    """The cells of a row of the table of a case, empty where there is nothing."""
+    """The cells of a row of the table of a case, empty where there is nothing; outputs only of what converged."""
+    good = row["status"] == "converged"
     return {
         "label": row["label"],
         "status": status(row),
@@ -58,9 +59,9 @@ def texts(row: dict[str, Any]) -> dict[str, str]:
         "newton": _both(row["newton_structural"], row["newton_aero"]),
         "seconds_total": _number(row["seconds_total"], ".3f"),
         "residual_N": _number(row["residual_N"], ".1e"),
-        "CL": _number(row["CL"], ".4f"),
-        "CD": _number(row["CD"], ".4f"),
-        "tip_span": _number(row["tip_span"], ".3f"),
+        "CL": _number(row["CL"], ".4f") if good else "",
+        "CD": _number(row["CD"], ".4f") if good else "",
+        "tip_span": _number(row["tip_span"], ".3f") if good else "",
         "equilibrium": equilibrium(row),
     }
 
