@@ -13,6 +13,7 @@ from master.report import print_written
 from master.report.console import new_console
 
 PAGE_ONLY = ("calls", "newton", "CD")  # columns that a terminal has no room for
+WIDE = 100  # columns of a terminal
 EXIT_ALL_RAN, EXIT_CRASHED, EXIT_INTERRUPTED = 0, 1, 130
 
 
@@ -84,12 +85,13 @@ def print_comparison(rows: Sequence[dict[str, Any]]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    screen, keys = new_console(), [key for key in shown(rows) if key not in PAGE_ONLY]
+    screen = new_console()
+    left_out = PAGE_ONLY if screen.width >= WIDE else (*PAGE_ONLY, "tip_span")
+    keys = [key for key in shown(rows) if key not in left_out]
     for case, members in cases(rows).items():
         table = Table(title=escape(case), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
         for key in keys:
-            word = key in WORDS
-            table.add_column(HEADER[key], justify="left" if word else "right", no_wrap=word)
+            table.add_column(HEADER[key], justify="left" if key in WORDS else "right", no_wrap=key != "label")
         for row in members:
             of = texts(row)
             table.add_row(*(escape(of[key]) for key in keys))

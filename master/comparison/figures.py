@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from master.comparison.tables import cases, status
+from master.comparison.tables import cases, fewest, status
 from master.report.convergence import power_of_ten
 from master.report.figures import DARK, MIDDLE, WIDTH, axes_at, new_figure, style, wrapped
 
@@ -110,8 +110,7 @@ def iteration_figure(rows: Rows) -> "Figure":
 
 
 def _bars(axes: "Axes", members: Rows, most: int) -> None:
-    converged = [row["coupling_iterations"] for row in members if row["status"] == "converged"]
-    least = min(converged, default=None)
+    least = fewest(members)
     for place, row in enumerate(members):
         count, good = row["coupling_iterations"] or 0, row["status"] == "converged"
         if good:

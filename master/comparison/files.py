@@ -12,8 +12,8 @@ FIGURES = {
     "residuals": "Interface residual over the coupling iterations. A filled dot ends a solve that converged, a red "
     "cross one that did not; the dashed line is the tolerance. Beside each scheme how many "
     "iterations it took (* to another equilibrium)",
-    "iterations": "Coupling iterations of each scheme. Hatched red bars are solves that did not converge, with the "
-    "iteration at which they ended",
+    "iterations": "Coupling iterations of each scheme, dark where they are fewest. Hatched red bars are solves that "
+    "did not converge, with the iteration at which they ended; dotted ones have found another equilibrium",
     "omega": "Relaxation factors over the coupling iterations, where a scheme has them and they change",
 }
 FILES = (

@@ -5,7 +5,18 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from master.comparison.tables import HEADER, LEGEND, WORDS, cases, equilibrium, matrix, matrix_legend, shown, texts
+from master.comparison.tables import (
+    HEADER,
+    LEGEND,
+    WORDS,
+    cases,
+    equilibrium,
+    fewest,
+    matrix,
+    matrix_legend,
+    shown,
+    texts,
+)
 from master.report.page import cell
 
 MORE = """ul.status { padding-left: 1.8rem; } h3 { font-size: 1rem; margin: 1rem 0 .3rem; } td.bad { color: #b2182b; }
@@ -22,12 +33,13 @@ def page(rows: Sequence[dict[str, Any]], figures: Mapping[str, tuple[str, bytes]
     template = files("master.comparison").joinpath("compare.html").read_text(encoding="utf-8")
     groups = cases(rows)
     keys = shown(rows)
-    header, lines = matrix(rows)
+    head, body = matrix(rows)
+    header, *lines = zip(head, *body, strict=True)  # a row a scheme here, since schemes may be many
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(template).render(
         look=Markup(_look()),
         findings=[f"{case}: {finding(members)}" for case, members in groups.items()],
-        overview_header=header,
+        overview_header=["scheme", *header[1:]],
         overview=[
             [(text, False) for text in line[:1]] + [(text, "/" not in text) for text in line[1:]] for line in lines
         ],
@@ -55,8 +67,8 @@ def finding(members: Sequence[dict[str, Any]]) -> str:
     good = [row for row in members if row["status"] == "converged"]
     if not good:
         return f"none of {len(members)} converged."
-    least = min(row["coupling_iterations"] for row in good)
-    best = [row["label"] for row in good if row["coupling_iterations"] == least]
+    least = fewest(members)
+    best = [r["label"] for r in good if r["coupling_iterations"] == least and r["equilibrium"] == 1]
     names = ", ".join(best[:3]) + (f" and {len(best) - 3} more" if len(best) > 3 else "")
     text = f"{len(good)} of {len(members)} converged; fewest coupling iterations: {least} ({names})."
     others = [f"{row['label']}: {equilibrium(row)}" for row in good if row["equilibrium"] > 1]

@@ -38,6 +38,11 @@ def cases(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     return out
 
 
+def fewest(members: Sequence[dict[str, Any]]) -> int | None:
+    """The fewest coupling iterations to the first equilibrium of a case, None if nothing converged."""
+    return min((row["coupling_iterations"] for row in members if row["equilibrium"] == 1), default=None)
+
+
 def status(row: dict[str, Any]) -> str:
     """The status in words."""
     return STATUS.get(row["status"], row["status"])
