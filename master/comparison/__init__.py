@@ -39,7 +39,7 @@ def compare(
 
     A cell is a scene with settings and a scheme with parameters; each starts afresh from the scene's start. `schemes`
     are names of `master.schemes.SCHEMES`, all of them if None. `parameters` maps names of scheme parameters to a value
-    or several, `iqn-ils.reuse` for one scheme, `omega` for all that have it. `settings` maps names of settings and
+    or several, `iqn-ils.omega0` for one scheme, `omega` for all that have it. `settings` maps names of settings and
     parameters of the scenes to a value, `sweep` to several; a scene's name in front keeps them to that scene. All
     combinations are solved. `tolerance` m, `force_tolerance` N and `max_iterations` are those of
     `master.coupling.solve`; wall times are of the solve with the median one of `repeat`.

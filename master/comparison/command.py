@@ -22,7 +22,7 @@ def compare_scenes(
 ) -> int:
     """Compare, print a table, write files; the exit code."""
     names = None if schemes is None else [name.strip() for name in schemes.split(",") if name.strip()]
-    parameters = _lists(values, "--parameters iqn-ils.reuse=0,5")
+    parameters = _lists(values, "--parameters iqn-ils.omega0=0.1,0.35")
     swept = _lists(sweep, "--sweep wind_speed=8,12")
     try:
         with _progress(out) as progress:
