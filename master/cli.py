@@ -87,7 +87,7 @@ def compare(
         list[str] | None,
         typer.Option(
             metavar="SCHEME.NAME=VALUE,VALUE",
-            help="Values of a parameter of a scheme, as iqn-ils.omega0=0.1,0.35; without SCHEME of all schemes that have it. "
+            help="Values of a parameter of a scheme, as iqn-ils.omega0=0.1,0.35; without SCHEME of all that have it. "
             "Repeatable; all combinations are solved.",
         ),
     ] = None,
