@@ -5,6 +5,8 @@ couples the modes one way, and S the scales of the fields. Lambda has at most 30
 to 50 in magnitude, of either sign or in complex pairs, none within 0.1 of 1; all others lie within 0.3.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 OUTSIDE, RADIUS, LARGEST, NEAR_ONE = 30, 0.3, 50.0, 0.1
@@ -61,7 +63,7 @@ class RandomProblem:
         parts = int(rng.integers(1, min(4, self.n) + 1))
         cuts = np.sort(rng.choice(np.arange(1, self.n), parts - 1, replace=False)) if parts > 1 else []
         edges = [0, *map(int, cuts), self.n]
-        self.fields = {f"field {i}": slice(a, b) for i, (a, b) in enumerate(zip(edges, edges[1:], strict=False))}
+        self.fields = {f"field {i}": slice(a, b) for i, (a, b) in enumerate(pairwise(edges))}
         spread = rng.choice([0.0, 6.0, 12.0])
         self.scale = np.empty(self.n)
         for f in self.fields.values():

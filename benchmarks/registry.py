@@ -15,6 +15,7 @@ SUBJECTS = (
     "v3_coupled",
     "v3_coupled_tables",
     "v3_range",
+    "coupling_reference",
     "typical_section",
     "saddle",
     "beams",

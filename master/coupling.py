@@ -1,82 +1,63 @@
-"""Two participants and one coupling loop: displacement to the flow, loads to the structure, until they agree."""
+"""Structure and flow as one coupled map, and its solution: displacement to the flow, loads to the structure."""
 
-import contextlib
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from master.acceleration import Scheme
-from master.fixed_point import fixed_point
-from master.participants import InProcessParticipant, Participant, StepFailed
+from master.exchange import Connection, CoupledStepFailed, Exchange, Order, Warmth
+from master.fixed_point import Progress, Recovery, fixed_point
+from master.participants import InProcessParticipant, Participant
 from master.still_air import StillAir
 
 # Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
 # solves than 1e-4 N turn quasi-Newton columns into noise, and below 1e-8 N rounding of the forces takes over.
 LOOSEST, TIGHTEST, PER_METRE = 1e-4, 1e-8, 1e-2
+# Residual of loads, in parts of the loads, that goes with the tolerance of the displacement where loads are iterated
+# too: 1e-5 m are about 1e-4 of the displacement of a kite's wing by more than rigid motion.
+LOADS = 1e-4
+
+__all__ = ["CoupledResult", "CoupledStepFailed", "Coupling", "solve"]
 
 
-class CoupledStepFailed(ArithmeticError):
-    """A participant refused its step; the loop ends as diverged and keeps its history."""
-
-
-@dataclass
-class Coupling:
-    """The coupled map G: interface displacement (n,3) m -> displacement of the structure under the loads on that shape.
+class Coupling(Exchange):
+    """Flow and structure, exchanging all loads and the displacement. Called, it is the coupled map G: interface
+    displacement (n,3) m -> displacement of the structure under the loads on that shape.
 
     One evaluation is one communication step in pseudo-time `dt` s of both participants; they keep their warm starts.
     """
 
-    structural: Participant
-    aero: Participant
-    dt: float = 1.0
-    time: float = 0.0
-    evaluations: int = 0
-    seconds: dict[str, float] = field(default_factory=lambda: {"structural": 0.0, "aero": 0.0})
-
-    def __post_init__(self) -> None:
-        offered = {b for b, c in self.aero.causality.items() if c == "output"}
-        wanted = [b for b, c in self.structural.causality.items() if c == "input"]
+    def __init__(self, structural: Participant, aero: Participant, dt: float = 1.0, time: float = 0.0) -> None:
+        self.structural, self.aero = structural, aero
+        offered = {b for b, c in aero.causality.items() if c == "output"}
+        wanted = [b for b, c in structural.causality.items() if c == "input"]
         missing = [b for b in wanted if b not in offered]
-        if missing or "displacement" not in self.aero.blocks or "displacement" not in self.structural.blocks:
+        if missing or "displacement" not in aero.blocks or "displacement" not in structural.blocks:
             raise ValueError(
                 f"the participants do not fit: the structure needs {', '.join(wanted)}, the flow offers "
                 f"{', '.join(sorted(offered))}, and both need displacement."
             )
         for block in [*wanted, "displacement"]:
-            if self.structural.blocks[block] != self.aero.blocks[block]:
-                shapes = f"{self.structural.blocks[block]} in the structure and {self.aero.blocks[block]} in the flow"
+            if structural.blocks[block] != aero.blocks[block]:
+                shapes = f"{structural.blocks[block]} in the structure and {aero.blocks[block]} in the flow"
                 raise ValueError(
                     f"the participants do not fit: {block} has shape {shapes}; "
                     "build both from one scene with one set of settings."
                 )
-        self._loads = wanted
+        connections = [Connection("aero", block, "structural", block) for block in wanted]
+        connections.append(Connection("structural", "displacement", "aero", "displacement"))
+        super().__init__({"aero": aero, "structural": structural}, connections, dt, time)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Displacement (n,3) m of the structure under the loads on the wing displaced by x (n,3) m."""
-        self.evaluations += 1
-        with self._timed("aero"):
-            self.aero.set("displacement", x)
-            self.aero.step(self.time, self.dt)
-        with self._timed("structural"):
-            for block in self._loads:
-                self.structural.set(block, self.aero.get(block))
-            self.structural.step(self.time, self.dt)
-        self.time += self.dt
-        return self.structural.get("displacement")
+        return self.evaluate(np.ravel(x)).reshape(np.shape(x))
 
-    @contextlib.contextmanager
-    def _timed(self, label: str) -> Iterator[None]:
-        """Book the time of a solver's share; a step that it refuses ends the coupled evaluation."""
-        start = time.perf_counter()
-        try:
-            yield
-        except StepFailed as error:
-            raise CoupledStepFailed(f"the {label} solver refused a step: {str(error).rstrip('.')}") from error
-        finally:
-            self.seconds[label] += time.perf_counter() - start
+    def described(self, name: str) -> str:
+        """See Exchange."""
+        return f"the {name} solver"
 
     @classmethod
     def in_process(cls, scene: Any, parameters: Mapping[str, Any] | None = None) -> "Coupling":
@@ -133,7 +114,8 @@ class CoupledResult:
     """A coupled solution: how it ended, the history of all evaluations, and the true residual.
 
     `displacement` (n,3) m is the reported shape, `residual_N` the out-of-balance force there with the flow evaluated
-    again; `history` has a row per coupling iteration; `seconds` total and of each participant.
+    again; `history` has a row per coupling iteration; `seconds` total and of each participant; `recoveries` what went
+    wrong on the way.
     """
 
     displacement: np.ndarray
@@ -144,6 +126,24 @@ class CoupledResult:
     residual_N: float
     history: list[dict[str, float]]
     seconds: dict[str, float]
+    recoveries: list[Recovery] = field(default_factory=list)
+
+
+@dataclass
+class Search:
+    """Where a coupled solve stands: what it needs, with the states of the participants, to go on.
+
+    `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given; `best` are the states of
+    the participants at the best point, once, after a checkpoint was read.
+    """
+
+    order: Order
+    x: np.ndarray
+    tighter: float = 1.0
+    history: list[dict[str, float]] = field(default_factory=list)
+    recoveries: list[Recovery] = field(default_factory=list)
+    loop: Progress | None = None
+    best: dict[str, Any] | None = None
 
 
 def solve(
@@ -154,43 +154,85 @@ def solve(
     max_iterations: int = 200,
     progress: Callable[[int, float], Any] | None = None,
     tie_tolerance: bool = True,
+    order: Order = "serial",
+    search: Search | None = None,
+    hold: Callable[[Search, Warmth], object] | None = None,
 ) -> CoupledResult:
     """The coupled equilibrium from the structure's present displacement.
 
     Converged means ||x_tilde - x||_2 <= `atol` m over all interface entries and an out-of-balance force of at most
     `force_tolerance` N with the flow evaluated again at the reported shape; where the first does not bring the second,
-    `atol` is tightened. The structural tolerance follows the residual (`tie_tolerance`), within limits that keep
-    quasi-Newton columns clean. `progress(iteration, residual)` is called after every coupling iteration.
+    `atol` is tightened. In `order` "parallel" both solvers step at once, and each load has to repeat within 1e-4 too.
+    The structural tolerance follows the residual (`tie_tolerance`), within limits that keep quasi-Newton columns clean.
+    `progress(iteration, residual)` is called after every coupling iteration, `hold(search, warmth)` before it, with
+    what a checkpoint needs; `search` from one continues there.
+
+    An evaluation that fails, for whatever reason, puts both solvers back to the best point and is tried again (see
+    `fixed_point`).
     """
     begin = time.perf_counter()
     before = dict(coupling.seconds)
-    history: list[dict[str, float]] = []
+    fields = coupling.fields(order)
+    shape = tuple(coupling.structural.blocks["displacement"])
+    own = fields["structural.displacement"]
+    if search is None:
+        search = Search(order, coupling.present(order))
+        if tie_tolerance:
+            coupling.set_tolerance(LOOSEST)
+    history = search.history
 
     def record(k: int, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray) -> None:
-        norm = float(np.linalg.norm(r))
-        history.append({"iteration": float(len(history) + 1), "residual_m": norm, **coupling.scalars()})
+        norm = float(np.linalg.norm(r[own]))
+        row = {"iteration": float(len(history) + 1), "residual_m": norm, **coupling.scalars()}
+        if len(history) > 0:  # what the update that led here used
+            row |= getattr(scheme, "record", {})
+        history.append(row)
         if tie_tolerance and np.isfinite(norm):
             coupling.set_tolerance(min(LOOSEST, max(TIGHTEST, PER_METRE * norm)))
         if progress is not None:
             progress(len(history), norm)
 
-    x = coupling.structural.get("displacement")
     residual_N = float("nan")
-    if tie_tolerance:
-        coupling.set_tolerance(LOOSEST)
     while True:
-        left = max_iterations - len(history)
-        result = fixed_point(coupling, x, scheme, atol=atol, max_iterations=left, callback=record)
+        done = len(history) if search.loop is None else len(history) - search.loop.evaluations
+        warmth = Warmth(coupling, search.best)
+        loop, search.loop, search.best = search.loop, None, None
+        now = search  # for the closure
+
+        def held(p: Progress, warmth: Warmth = warmth, now: Search = now) -> None:
+            if hold is not None:
+                now.loop = p
+                hold(now, warmth)
+
+        try:
+            result = fixed_point(
+                lambda x: coupling.evaluate(x, order),
+                search.x,
+                scheme,
+                atol={name: search.tighter * atol if f == own else 0.0 for name, f in fields.items()},
+                rtol={name: 0.0 if f == own else search.tighter * LOADS for name, f in fields.items()},
+                max_iterations=max_iterations - done,
+                fields=fields,
+                callback=record,
+                anchor=warmth,
+                hold=held,
+                progress=loop,
+            )
+        finally:
+            warmth.close()
+        search.loop = None
+        search.recoveries += result.recoveries
+        shown = result.x_tilde[own].reshape(shape)
         status, message = result.status, result.message
         if status == "max_iterations":
             message = f"Not converged within {len(history)} coupling iterations."
-        if not np.all(np.isfinite(result.x_tilde)):
+        if not np.all(np.isfinite(shown)):
             residual_N = float("nan")
             break
         if tie_tolerance:
             coupling.set_tolerance(TIGHTEST)
         try:
-            residual_N = coupling.imbalance(result.x_tilde)
+            residual_N = coupling.imbalance(shown)
         except CoupledStepFailed as error:
             status, message, residual_N = "diverged", f"At the converged shape {error}.", float("nan")
         if status != "converged" or residual_N <= force_tolerance:
@@ -199,13 +241,17 @@ def solve(
             status = "max_iterations"
             message = f"residual_N is {residual_N:.3g} N after {len(history)} coupling iterations."
             break
-        x, atol = result.x_tilde, atol * min(0.1, 0.5 * force_tolerance / residual_N)
-        if atol < np.finfo(float).eps * np.linalg.norm(x):
+        search.x = result.x_tilde
+        search.tighter *= min(0.1, 0.5 * force_tolerance / residual_N)
+        if search.tighter * atol < np.finfo(float).eps * np.linalg.norm(shown):
             status = "stalled"
             message = f"residual_N stays at {residual_N:.3g} N: rounding or the solver_tolerance leaves no smaller one."
             break
     seconds = {k: coupling.seconds[k] - before[k] for k in before}
     seconds["total"] = time.perf_counter() - begin
-    x_tilde = result.x_tilde if np.all(np.isfinite(result.x_tilde)) else coupling.structural.get("displacement")
-    residual = float(result.residual_norms[-1])
-    return CoupledResult(x_tilde, status, message, len(history), residual, residual_N, history, seconds)
+    if not np.all(np.isfinite(shown)):
+        shown = coupling.structural.get("displacement")
+    residual = float(result.field_residual_norms["structural.displacement"][-1])
+    return CoupledResult(
+        shown, status, message, len(history), residual, residual_N, history, seconds, search.recoveries
+    )

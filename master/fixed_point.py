@@ -1,18 +1,65 @@
 """The coupling loop: repeat x <- scheme(x, G(x) - x) until every field has converged, or say why not."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from master.acceleration import Field, Scheme
+from master.convergence import Test, Tolerance, norm, partition
 
 Status = Literal["converged", "max_iterations", "diverged", "stalled"]
-Tolerance = float | Mapping[str, float] | Sequence[float]
 
-ROUNDING = 8.0 * np.finfo(float).eps  # a residual below this fraction of x_tilde is zero in double precision
+RETREAT = 0.5  # part of the way from the best x that is tried after an evaluation has failed
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What went wrong after which evaluation of G, and what was done about it."""
+
+    iteration: int
+    reason: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"after evaluation {self.iteration}: {self.reason}; {self.remedy}"
+
+
+class Anchor(Protocol):
+    """What G depends on beside x: warm starts, states of solvers."""
+
+    def mark(self) -> None:
+        """Remember the present state; the evaluation just made is the best so far."""
+
+    def restore(self) -> None:
+        """Return to the state that was marked last, or to that before the first evaluation."""
+
+
+@dataclass
+class Progress:
+    """Where a loop stands before an evaluation: enough to go on from, bitwise, together with the scheme.
+
+    `x` (n,) is the next point; `best` the pair (x, r) with the smallest measure so far.
+    """
+
+    x: np.ndarray
+    test: Test
+    residual_norms: list[float] = field(default_factory=list)
+    field_norms: list[np.ndarray] = field(default_factory=list)
+    best: tuple[np.ndarray, np.ndarray] | None = None
+    recoveries: list[Recovery] = field(default_factory=list)
+    stalls: int = 0
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of G so far."""
+        return len(self.residual_norms)
+
+    def recovered(self, reason: str, remedy: str) -> None:
+        """Book a recovery; what was before it does not count as time without progress."""
+        self.recoveries.append(Recovery(self.evaluations, reason.rstrip("."), remedy))
+        self.test.begin_anew()
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +69,7 @@ class FixedPointResult:
     `x` is the last point where G was evaluated, so that the tested residual `x_tilde - x` belongs to it; `x_tilde` =
     G(x) is normally the better point. Both have the shape and unit of x0. `iterations` counts evaluations of G;
     `residual_norms` (iterations,) holds |r|_2 over all entries, `field_residual_norms` the same of each field.
+    `recoveries` lists what went wrong on the way and was overcome (or was not, if the status is not "converged").
     """
 
     x: np.ndarray
@@ -31,6 +79,7 @@ class FixedPointResult:
     residual_norms: np.ndarray
     field_residual_norms: dict[str, np.ndarray]
     message: str
+    recoveries: tuple[Recovery, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -50,6 +99,10 @@ def fixed_point(
     callback: Callable[[int, np.ndarray, np.ndarray, np.ndarray], object] | None = None,
     growth_limit: float = 1e4,
     stall_window: int = 30,
+    recoveries: int = 3,
+    anchor: Anchor | None = None,
+    hold: Callable[[Progress], object] | None = None,
+    progress: Progress | None = None,
 ) -> FixedPointResult:
     """Solve x = G(x) from x0 with an acceleration scheme.
 
@@ -66,107 +119,143 @@ def fixed_point(
     of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. Other exceptions
     of G pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
     ValueError.
+
+    Before a loop ends as diverged or stalled it tries again, at most `recoveries` times in all and once after a stall.
+    An evaluation that failed is repeated half-way to the best point so far (at the first evaluation: where it was).
+    After two failures in a row, growth or a stall the scheme begins anew, more carefully, from the best point; schemes
+    that know no more careful way (constant relaxation) end at once after growth or a stall. `anchor` puts solvers with
+    a memory back where they were at that point. `hold(progress)` is called before every evaluation with what the loop
+    needs to go on from there; given back as `progress`, with the scheme as it was then, the loop continues bitwise as
+    it would have.
     """
-    x = np.array(x0, dtype=float)
-    shape = x.shape
-    x = x.ravel()
-    if not np.all(np.isfinite(x)) or x.size == 0:
-        raise ValueError("x0 must have at least one entry and all its entries must be finite.")
     if isinstance(max_iterations, bool) or int(max_iterations) != max_iterations or max_iterations < 1:
         raise ValueError(f"max_iterations must be a whole number >= 1, got {max_iterations}.")
-    if not growth_limit > 1.0 or stall_window < 0:
-        raise ValueError("growth_limit must be above 1 and stall_window not negative.")
-    names, parts = _partition(fields, x.size)
-    test = _Test(
-        names, *(_per_field(*t, names) for t in (("atol", atol), ("rtol", rtol), ("residual_rtol", residual_rtol)))
-    )
-
-    norms: list[float] = []
-    field_norms: list[np.ndarray] = []
+    if not growth_limit > 1.0 or stall_window < 0 or recoveries < 0:
+        raise ValueError("growth_limit must be above 1, stall_window and recoveries not negative.")
+    x0 = np.array(x0, dtype=float)
+    if not np.all(np.isfinite(x0)) or x0.size == 0:
+        raise ValueError("x0 must have at least one entry and all its entries must be finite.")
+    names, parts = partition(fields, x0.size)
+    shape = x0.shape
+    if progress is None:
+        p = Progress(x0.ravel(), Test(names, atol, rtol, residual_rtol))
+        scheme.begin(parts)
+    else:
+        p = progress
+    loop = _Loop(p, scheme, recoveries, anchor)
     status: Status = "max_iterations"
     message = f"Not converged within {max_iterations} evaluations of G."
-    scheme.begin(parts)
-    for k in range(1, int(max_iterations) + 1):
+    while True:
+        if hold is not None:
+            hold(p)
+        k, x = p.evaluations + 1, p.x
         x_tilde, failure = _evaluate(G, x.reshape(shape), k)
         with np.errstate(all="ignore"):
             r = x_tilde - x
-            norm = _norm(r)
-            r_f = np.array([_norm(r[f]) for f in parts])
-            size_f = np.array([_norm(x_tilde[f]) for f in parts])
-        norms.append(norm)
-        field_norms.append(r_f)
+            r_f = np.array([norm(r[f]) for f in parts])
+            size_f = np.array([norm(x_tilde[f]) for f in parts])
+            p.residual_norms.append(norm(r))
+        p.field_norms.append(r_f)
         if callback is not None:
             callback(k, x.reshape(shape).copy(), x_tilde.reshape(shape).copy(), r.reshape(shape).copy())
         if failure or not (np.all(np.isfinite(r_f)) and np.all(np.isfinite(size_f))):
-            status, message = "diverged", failure or f"G returned values that are not finite at evaluation {k}."
+            failure = failure or f"G returned values that are not finite at evaluation {k}."
+            if k < max_iterations and loop.retreat(failure):
+                continue
+            status, message = "diverged", failure
             break
-        measure = test.measure(r_f, size_f)
-        if test.converged:
+        measure = p.test.measure(r_f, size_f)
+        if p.test.converged:
             status, message = "converged", f"Converged in {k} evaluations of G."
             break
-        if measure > growth_limit * test.first:
-            status = "diverged"
-            message = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
+        if p.test.improved or p.best is None:
+            loop.mark(x, r)
+        if measure > growth_limit * p.test.first:
+            failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
+            if k < max_iterations and loop.begin_anew(failure):
+                continue
+            status, message = "diverged", failure
             break
-        if stall_window and test.stalled(int(stall_window)):
-            status, message = "stalled", f"The residual has not fallen during the last {stall_window} evaluations of G."
+        if stall_window and p.test.stalled(int(stall_window)):
+            failure = f"The residual has not fallen during the last {stall_window} evaluations of G."
+            if k < max_iterations and not p.stalls and loop.begin_anew(failure):
+                p.stalls += 1
+                continue
+            status, message = "stalled", failure
             break
-        if k == max_iterations:
+        if k >= max_iterations:
             break
-        with np.errstate(all="ignore"):
-            x_next = scheme.step(x, r)
-        if not np.all(np.isfinite(x_next)):
+        if not loop.advance(x, r):
             status, message = "diverged", f"The update after evaluation {k} is not finite."
             break
-        x = x_next
     scheme.end(status, x, r)
     return FixedPointResult(
         x=x.reshape(shape),
         x_tilde=x_tilde.reshape(shape),
         status=status,
-        iterations=k,
-        residual_norms=np.array(norms),
-        field_residual_norms=dict(zip(names, np.array(field_norms).T, strict=True)),
+        iterations=p.evaluations,
+        residual_norms=np.array(p.residual_norms),
+        field_residual_norms=dict(zip(names, np.array(p.field_norms).T, strict=True)),
         message=message,
+        recoveries=tuple(p.recoveries),
     )
 
 
-class _Test:
-    """Convergence test and progress measure; remembers the first residuals and the best measure."""
+class _Loop:
+    """The ways from one evaluation to the next; each sets `progress.x`."""
 
-    def __init__(self, names: list[str], atol: np.ndarray, rtol: np.ndarray, residual_rtol: np.ndarray):
-        for name, a, b, c in zip(names, atol, rtol, residual_rtol, strict=True):
-            if a == b == c == 0.0:
-                raise ValueError(f"All tolerances of field '{name}' are zero; set atol, rtol or residual_rtol.")
-        self.atol, self.rtol, self.residual_rtol = atol, rtol, residual_rtol
-        self.reference = np.zeros(len(names))  # |r_1| of each field
-        self.scale = np.zeros(len(names))  # first tolerance of each field that is not zero
-        self.converged = False
-        self.first = 0.0
-        self.best = math.inf
-        self.progressed_at = 0
-        self.history: list[float] = []
+    def __init__(self, progress: Progress, scheme: Any, recoveries: int, anchor: Anchor | None):
+        self.progress, self.scheme, self.recoveries, self.anchor = progress, scheme, recoveries, anchor
 
-    def measure(self, r: np.ndarray, size: np.ndarray) -> float:
-        significant = r > ROUNDING * size
-        self.reference = np.where((self.reference == 0.0) & significant, r, self.reference)
-        tolerance = self.atol + self.rtol * size + self.residual_rtol * self.reference
-        self.converged = bool(np.all((r <= tolerance) | ~significant))
-        self.scale = np.where(self.scale == 0.0, tolerance, self.scale)
-        with np.errstate(over="ignore"):
-            m = float(np.max(r / np.where(self.scale > 0.0, self.scale, np.inf)))
-        if self.first == 0.0:
-            self.first = m
-        if m < 0.99 * self.best:
-            self.best, self.progressed_at = m, len(self.history) + 1
-        self.history.append(m)
-        return m
+    def mark(self, x: np.ndarray, r: np.ndarray) -> None:
+        """Remember the best pair, and the state that goes with it."""
+        self.progress.best = x.copy(), r.copy()
+        if self.anchor is not None:
+            self.anchor.mark()
 
-    def stalled(self, window: int) -> bool:
-        if len(self.history) - self.progressed_at <= window:
+    def advance(self, x: np.ndarray, r: np.ndarray) -> bool:
+        """By the scheme; an update that is not finite makes it begin anew. False if there is no finite one."""
+        with np.errstate(all="ignore"):
+            x_next = self.scheme.step(x, r)
+        if not np.all(np.isfinite(x_next)):
+            return self.begin_anew("the update was not finite")
+        self.progress.x = x_next
+        return True
+
+    def retreat(self, reason: str) -> bool:
+        """Half-way to the best point after an evaluation that failed; False if nothing is left to try.
+
+        If that failed too, the scheme begins anew where it can.
+        """
+        p = self.progress
+        if len(p.recoveries) >= self.recoveries:
             return False
-        h = self.history
-        return all(min(h[-p:]) >= 0.9 * min(h[-2 * p : -p]) for p in (max(1, window // 6), max(1, window // 2)))
+        if p.recoveries and p.recoveries[-1].iteration == p.evaluations - 1 and self.begin_anew(reason):
+            return True
+        remedy = "tried again"
+        if p.best is not None:
+            p.x, remedy = p.best[0] + RETREAT * (p.x - p.best[0]), "tried again half-way to the best point"
+        p.recovered(reason, remedy)
+        self._restore()
+        return True
+
+    def begin_anew(self, reason: str) -> bool:
+        """From the best point with the scheme begun anew; False if that is not possible."""
+        p, restart = self.progress, getattr(self.scheme, "restart", None)
+        if len(p.recoveries) >= self.recoveries or restart is None or p.best is None or not restart():
+            return False
+        with np.errstate(all="ignore"):
+            x_next = self.scheme.step(*p.best)
+        if not np.all(np.isfinite(x_next)):
+            return False
+        p.x = x_next
+        p.recovered(reason, "the scheme began anew from the best point")
+        self._restore()
+        return True
+
+    def _restore(self) -> None:
+        if self.anchor is not None:
+            self.anchor.restore()
 
 
 def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> tuple[np.ndarray, str]:
@@ -181,45 +270,3 @@ def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> t
     if x_tilde.shape != x.shape:
         raise ValueError(f"G must return the shape of x0, {x.shape}, but returned {x_tilde.shape}.")
     return x_tilde.ravel(), ""
-
-
-def _norm(a: np.ndarray) -> float:
-    """|a|_2 without overflow or underflow of the squares; nan or inf where an entry is."""
-    largest = float(np.max(np.abs(a), initial=0.0))
-    return largest * float(np.linalg.norm(a / largest)) if 0.0 < largest < math.inf else largest
-
-
-def _partition(fields: Mapping[str, Field] | None, n: int) -> tuple[list[str], list[Field]]:
-    """Names and index sets of the fields; they must cover 0..n-1 exactly once."""
-    if fields is None:
-        return ["x"], [slice(None)]
-    seen = np.zeros(n, dtype=int)
-    for name, part in fields.items():
-        try:
-            entries = np.arange(n)[part]
-        except IndexError as error:
-            raise ValueError(f"Field '{name}' does not fit into x with {n} entries: {error}.") from error
-        if np.size(entries) == 0:
-            raise ValueError(f"Field '{name}' has no entries.")
-        np.add.at(seen, entries, 1)
-    if np.any(seen > 1):
-        raise ValueError(f"Fields overlap: entry {int(np.argmax(seen > 1))} of x belongs to more than one.")
-    if np.any(seen == 0):
-        raise ValueError(f"Fields are incomplete: entry {int(np.argmax(seen == 0))} of x belongs to none.")
-    return list(fields), [part if isinstance(part, slice) else np.arange(n)[part] for part in fields.values()]
-
-
-def _per_field(name: str, tolerance: Tolerance, names: list[str]) -> np.ndarray:
-    """One value for each field, finite and not negative."""
-    if isinstance(tolerance, Mapping):
-        if set(tolerance) != set(names):
-            raise ValueError(f"{name} must name every field once: {', '.join(names)}.")
-        tolerance = [tolerance[field] for field in names]
-    values = np.array(tolerance, dtype=float)
-    if values.ndim == 0:
-        values = np.full(len(names), float(values))
-    if values.shape != (len(names),):
-        raise ValueError(f"{name} must be one number or one per field ({len(names)}).")
-    if not np.all(np.isfinite(values)) or np.any(values < 0.0):
-        raise ValueError(f"{name} must be finite and not negative.")
-    return values

@@ -38,5 +38,16 @@ class StillAir:
     def free(self, state: None) -> None:
         """There is no state."""
 
+    def serialised(self, state: None) -> bytes:
+        """There is no state."""
+        return b""
+
+    def deserialised(self, data: bytes) -> None:
+        """There is no state."""
+
+    def directional_derivative(self, changes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """No load changes."""
+        return {b: np.zeros(self.blocks[b]) for b, c in self.causality.items() if c == "output"}
+
     def close(self) -> None:
         """There is nothing to close."""

@@ -125,7 +125,10 @@ class QuasiNewton:
 
 
 def _same(a: Sequence[Field], b: Sequence[Field]) -> bool:
-    return len(a) == len(b) and all(
-        f == g if isinstance(f, slice) and isinstance(g, slice) else type(f) is type(g) and np.array_equal(f, g)
-        for f, g in zip(a, b, strict=True)
-    )
+    return len(a) == len(b) and all(map(_same_part, a, b))
+
+
+def _same_part(a: Field, b: Field) -> bool:
+    if isinstance(a, slice) or isinstance(b, slice):
+        return isinstance(a, slice) and isinstance(b, slice) and a == b
+    return np.array_equal(a, b)

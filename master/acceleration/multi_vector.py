@@ -26,10 +26,11 @@ class IQNIMVJ(QuasiNewton):
     J_old is the J with which the last call ended. It is never formed: J r is applied call by call, newest first, as
     W V^+ r + J_old (r - V V^+ r), with O(n) operations and numbers for each column. There is no number of calls to
     choose; only `max_columns` bounds what is kept, and the oldest calls go first. `omega0` relaxes the first update of
-    all, `filter` is the relative QR2 filter within a call, for the weights D see `QuasiNewton`.
+    all, `filter` and `curved` choose columns within a call as in `IQNILS`, for the weights D see `QuasiNewton`.
     """
 
     filter: float = 1e-8
+    curved: float = 0.03
     max_columns: int = 200
     _pairs: list[tuple[np.ndarray, np.ndarray]] = field(init=False, repr=False)  # of this call, newest first
     _past: list[_Block] = field(init=False, repr=False)  # newest first
@@ -37,6 +38,7 @@ class IQNIMVJ(QuasiNewton):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_fraction("filter", self.filter)
+        require_fraction("curved", self.curved)
         require_count("max_columns", self.max_columns, 1)
         self._forget()
 
@@ -82,8 +84,8 @@ class IQNIMVJ(QuasiNewton):
         for f, s_f in zip(self._fields, self._scales(), strict=True):
             D[f] = 1.0 / s_f
         Q, G = np.empty((2, min(len(self._pairs), n), n))
-        k = 0
-        for v, w in self._pairs:
+        k, largest = 0, 1.0
+        for j, (v, w) in enumerate(self._pairs):
             if k == n:
                 break
             q = D * v
@@ -93,7 +95,15 @@ class IQNIMVJ(QuasiNewton):
             correction = Q[:k] @ q
             q -= correction @ Q[:k]
             rho = np.linalg.norm(q)
-            if rho > self.filter * size:
-                Q[k], G[k] = q / rho, (w - (h + correction) @ G[:k]) / rho
-                k += 1
-        return _Block(Q[:k] * D, Q[:k] / D, G[:k].copy())
+            if not rho > self.filter * size:
+                continue
+            g = (D * w - (h + correction) @ G[:k]) / rho
+            gain = float(np.linalg.norm(g))
+            doubtful = j > 0 and rho < self.curved * size
+            if doubtful and gain > largest:
+                continue
+            if not doubtful:
+                largest = max(largest, gain)
+            Q[k], G[k] = q / rho, g
+            k += 1
+        return _Block(Q[:k] * D, Q[:k] / D, G[:k] / D)

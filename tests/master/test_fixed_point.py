@@ -1,9 +1,12 @@
 """The coupling loop: what counts as converged, and every other way to end."""
 
+import pickle
+
 import numpy as np
 import pytest
 
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation
+from benchmarks.reference_problems import BadlyScaledFields
+from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
 from master.fixed_point import fixed_point
 
 EXPLICIT = ConstantRelaxation(1.0)
@@ -70,18 +73,81 @@ def test_a_field_with_zero_first_residual_is_measured_by_its_first_real_one():
     assert result.field_residual_norms["b"][0] == 0.0
 
 
-@pytest.mark.parametrize("scheme", [EXPLICIT, Aitken(), IQNILS()])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_values_that_are_not_finite_end_in_a_status(scheme, bad):
+def flawed(calls_that_fail, bad=np.nan, slope=0.9):
+    """A contraction that answers `bad` at the calls with these numbers, from 1 on; `None` for all from 3 on."""
     calls = []
 
     def G(x):
         calls.append(1)
-        return np.full_like(x, bad) if len(calls) == 3 else 0.9 * x + np.arange(3)
+        fails = len(calls) >= 3 if calls_that_fail is None else len(calls) in calls_that_fail
+        return np.full_like(x, bad) if fails else slope * x + np.arange(3)
 
-    result = fixed_point(G, np.zeros(3), scheme, residual_rtol=1e-12)
-    assert (result.status, result.iterations) == ("diverged", 3)
+    return G
+
+
+SCHEMES = {"explicit": lambda: EXPLICIT, "aitken": Aitken, "iqn-ils": IQNILS, "iqn-imvj": IQNIMVJ}
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_values_that_stay_not_finite_end_in_a_status(scheme, bad):
+    result = fixed_point(flawed(None, bad), np.zeros(3), SCHEMES[scheme](), residual_rtol=1e-20)
+    assert (result.status, result.iterations) == ("diverged", 6)  # the third, and three recoveries
+    assert len(result.recoveries) == 3
     assert not np.isfinite(result.residual_norms[-1])
+    once = fixed_point(flawed(None, bad), np.zeros(3), SCHEMES[scheme](), residual_rtol=1e-20, recoveries=0)
+    assert (once.status, once.iterations) == ("diverged", 3)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("call", [1, 2, 3])
+def test_one_evaluation_that_fails_is_overcome_and_reported(scheme, call):
+    result = fixed_point(flawed([call], slope=-0.6), np.zeros(3), SCHEMES[scheme](), residual_rtol=1e-10)
+    assert result.status == "converged"
+    assert [r.iteration for r in result.recoveries] == ([call] if result.iterations > call else [])
+    assert result.x == pytest.approx(np.arange(3) / 1.6, abs=1e-9)  # error = residual / 1.6, |r_1| = 2.2
+    sound = fixed_point(flawed([], slope=-0.6), np.zeros(3), SCHEMES[scheme](), residual_rtol=1e-10)
+    assert result.iterations <= sound.iterations + 3
+
+
+def test_growth_makes_a_scheme_begin_anew_from_the_best_point():
+    def G(x):  # contracts near the solution 0, grows fast beyond 1: a long first step runs away
+        return np.where(np.abs(x) < 1.0, 0.5 * x, 1e6 * x**3)
+
+    x0 = np.array([0.9, 0.5])
+    result = fixed_point(G, x0, IQNILS(omega0=20.0), residual_rtol=1e-8)
+    assert result.status == "converged"
+    assert "grew" in result.recoveries[0].reason
+    assert fixed_point(G, x0, ConstantRelaxation(20.0), residual_rtol=1e-8).status == "diverged"
+
+
+def test_the_anchor_goes_back_to_the_state_of_the_best_point():
+    seen = []
+
+    class Anchor:
+        def mark(self):
+            seen.append("mark")
+
+        def restore(self):
+            seen.append("restore")
+
+    fixed_point(flawed([2], slope=-0.6), np.zeros(3), EXPLICIT, residual_rtol=1e-2, anchor=Anchor())
+    assert seen[:3] == ["mark", "restore", "mark"]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_a_loop_that_is_taken_up_again_goes_on_bitwise(scheme):
+    G = BadlyScaledFields().G
+    options = {"rtol": 1e-8, "max_iterations": 40}
+    x0 = BadlyScaledFields().x0
+    made, copies = SCHEMES[scheme](), []
+    whole = fixed_point(G, x0, made, hold=lambda p: copies.append(pickle.dumps((p, made))), **options)
+    for at in (0, 1, 7, len(copies) - 1):
+        progress, scheme_then = pickle.loads(copies[at])
+        again = fixed_point(G, x0, scheme_then, progress=progress, **options)
+        assert np.array_equal(again.x, whole.x)
+        assert np.array_equal(again.residual_norms, whole.residual_norms)
+        assert again.status == whole.status
 
 
 def test_arithmetic_errors_and_overflow_in_G_end_in_a_status_and_other_errors_pass():

@@ -1,4 +1,4 @@
-"""The two kinds of participant of a coupled simulation, an FMU and a solver core in this process, with one interface.
+"""An FMI 2.0 co-simulation FMU as a participant.
 
 An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one C call a block on prebuilt arrays.
 """
@@ -11,95 +11,17 @@ import tempfile
 import weakref
 from collections import deque
 from collections.abc import Mapping
-from ctypes import byref, c_void_p
+from ctypes import byref, c_byte, c_size_t, c_void_p
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from fmpy import calloc, extract, free, platform, read_model_description
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
-from master.blocks import Blocks, Channel, Limits, described_limits, grouped
-
-
-class StepFailed(RuntimeError):
-    """A participant refused a step; the message says why. Its state may be restored and the step tried again."""
-
-
-class Participant(Protocol):
-    """A solver that exchanges named blocks of values and advances step by step."""
-
-    @property
-    def blocks(self) -> Mapping[str, tuple[int, ...]]:
-        """Block name -> shape."""
-
-    @property
-    def causality(self) -> Mapping[str, str]:
-        """Block name -> "input", "output", "parameter" or another causality of FMI."""
-
-    def set(self, block: str, values: Any) -> None:
-        """Give a new value to an input or a tunable parameter; ValueError in one sentence if it is not acceptable."""
-
-    def step(self, t: float, dt: float) -> None:
-        """Advance from t to t + dt [s]; StepFailed with the reason if the solver could not."""
-
-    def get(self, block: str) -> np.ndarray:
-        """A copy of the present value of a block, float64 of its shape."""
-
-    def save(self) -> Any:
-        """The complete state, to be given to restore any number of times and then to free."""
-
-    def restore(self, state: Any) -> None:
-        """Return to a saved state: the steps that follow give bitwise the same results."""
-
-    def free(self, state: Any) -> None:
-        """Give back what a saved state holds."""
-
-    def close(self) -> None:
-        """End of use; what is still saved is freed."""
-
-
-class InProcessParticipant(Blocks):
-    """A solver core in this process; `parameters` are set at once, fixed ones then no more, as for an FMU."""
-
-    saves_state = True
-
-    def __init__(self, core: Any, parameters: Mapping[str, Any] | None = None, name: str = "Solver") -> None:
-        self.name = name
-        self._core = core
-        self.blocks = {v.name: tuple(v.shape) for v in core.variables}
-        self.limits = {v.name: Limits(v.causality, v.variability, v.minimum, v.maximum) for v in core.variables}
-        for block, value in (parameters or {}).items():
-            core.set(block, self.checked(block, value, start=True))
-
-    def set(self, block: str, values: Any) -> None:
-        """See Participant."""
-        self._core.set(block, self.checked(block, values))
-
-    def step(self, t: float, dt: float) -> None:
-        """See Participant."""
-        try:
-            self._core.step(t, dt)
-        except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
-            raise StepFailed(str(error)) from error
-
-    def get(self, block: str) -> np.ndarray:
-        """See Participant."""
-        self.shape(block)
-        return np.array(self._core.get(block), dtype=float)
-
-    def save(self) -> Any:
-        """See Participant."""
-        return self._core.save()
-
-    def restore(self, state: Any) -> None:
-        """See Participant."""
-        self._core.restore(state)
-
-    def free(self, state: Any) -> None:
-        """See Participant."""
-
+from master.blocks import Blocks, Channel, described_limits, grouped
+from master.participants.protocol import StepFailed
 
 # fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
 # lives for ever, and finds the participant by the environment pointer that FMI hands through.
@@ -170,6 +92,7 @@ class FmuParticipant(Blocks):
         if description.fmiVersion != "2.0" or description.coSimulation is None:
             raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
+        self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
         self._scalars = grouped(description.modelVariables)
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self.limits = {name: described_limits(*block) for name, block in self._scalars.items()}
@@ -276,6 +199,27 @@ class FmuParticipant(Blocks):
         if self._states.pop(state.value, None) is not None:
             self._require(self._alive().fmi2FreeFMUstate, self._component, byref(state))
             state.value = None
+
+    def serialised(self, state: c_void_p) -> bytes:
+        """See Participant."""
+        self._require_serialisation()
+        size = c_size_t()
+        self._require(self._alive().fmi2SerializedFMUstateSize, self._component, state, byref(size))
+        data = (c_byte * size.value)()
+        self._require(self._alive().fmi2SerializeFMUstate, self._component, state, data, size)
+        return bytes(data)
+
+    def deserialised(self, data: bytes) -> c_void_p:
+        """See Participant."""
+        self._require_serialisation()
+        state, buffer = c_void_p(), (c_byte * len(data)).from_buffer_copy(data)
+        self._require(self._alive().fmi2DeSerializeFMUstate, self._component, buffer, len(data), byref(state))
+        self._states[state.value] = state
+        return state
+
+    def _require_serialisation(self) -> None:
+        if not self.serialises_state:
+            raise ValueError(f"{self.name} cannot write its state to a file: its canSerializeFMUstate is false.")
 
     def close(self) -> None:
         """Free the saved states, terminate, free the instance and remove the unpacked folder; once is enough."""

@@ -1,0 +1,71 @@
+"""Newton-Krylov on the interface: the exact Jacobian in every direction that is asked for, instead of a learnt one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from master.acceleration.scheme import Field, require_count, require_fraction
+
+
+@dataclass
+class NewtonKrylov:
+    """x <- x + d with (I - G'(x)) d = r, solved by GMRES with directional derivatives  (Eisenstat & Walker 1996).
+
+    `product(v)` is G' v at the x that was evaluated last. The equation is solved to the relative residual
+    min(`eta`, 0.9 (|r| / |r_before|)^2), which keeps the quadratic convergence of Newton's method and asks for few
+    products far from the solution; `directions` bounds them. Weights as in the quasi-Newton schemes: fields are scaled
+    by the share of the residual that they have.
+    """
+
+    product: Callable[[np.ndarray], np.ndarray]
+    eta: float = 0.01
+    directions: int = 60
+    record: dict[str, float] = field(init=False, default_factory=dict, repr=False)
+    _fields: tuple[Field, ...] = field(init=False, default=(slice(None),), repr=False)
+    _before: float = field(init=False, default=0.0, repr=False)
+    _careful: float = field(init=False, default=1.0, repr=False)
+
+    def __post_init__(self) -> None:
+        require_fraction("eta", self.eta)
+        require_count("directions", self.directions, 1)
+
+    def begin(self, fields: Sequence[Field]) -> None:
+        """See Scheme."""
+        self._fields, self._before, self._careful = tuple(fields), 0.0, 1.0
+
+    def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Next x, same shape and unit."""
+        s = np.ones_like(r)
+        for f in self._fields:
+            s[f] = np.linalg.norm(r[f]) or 1.0
+        if len(self._fields) == 1:
+            s[:] = 1.0
+        count = 0
+
+        def scaled(v: np.ndarray) -> np.ndarray:
+            nonlocal count
+            count += 1
+            v = np.ravel(v)
+            out: np.ndarray = v - self.product(s * v) / s
+            return out
+
+        size = float(np.linalg.norm(r))
+        eta = self.eta if not self._before else min(self.eta, 0.9 * (size / self._before) ** 2)
+        eta = max(eta, 1e-12)
+        self._before = size
+        operator = LinearOperator((r.size, r.size), matvec=scaled, dtype=float)
+        most = min(self.directions, r.size)
+        d, _ = gmres(operator, r / s, rtol=eta, atol=0.0, restart=most, maxiter=1)
+        self.record = {"products": count}
+        return x + self._careful * s * d
+
+    def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
+        """See Scheme."""
+
+    def restart(self) -> bool:
+        """Go on with steps of half the length."""
+        self._careful *= 0.5
+        self._before = 0.0
+        return True

@@ -1,0 +1,257 @@
+"""The time loop: communication step by communication step, each a fixed point of the exchange."""
+
+from array import array
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from master.acceleration import ConstantRelaxation, Scheme
+from master.convergence import Tolerance
+from master.exchange import Exchange, Order
+from master.fixed_point import FixedPointResult, Recovery, fixed_point
+
+STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled")
+GOOD = ("converged", "recovered")
+PREDICTORS = ("constant", "linear", "quadratic")
+ANY = 1e300  # tolerance of the explicit scheme: one exchange is enough, whatever it leaves
+MESSAGES = 100  # sentences kept, so that a long run with many of them does not grow
+
+
+@dataclass
+class Predictor:
+    """Start of a communication step: extrapolation of the last accepted unknowns in time, of degree 0, 1 or 2.
+
+    While there are fewer accepted steps than the degree asks for, it is the highest that they allow.
+    """
+
+    kind: str = "linear"
+    _times: deque[float] = field(init=False, repr=False)
+    _values: deque[np.ndarray] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if self.kind not in PREDICTORS:
+            raise ValueError(f"there is no predictor '{self.kind}'; choose one of: {', '.join(PREDICTORS)}.")
+        self._times, self._values = (deque(maxlen=PREDICTORS.index(self.kind) + 1) for _ in range(2))
+
+    def add(self, time: float, x: np.ndarray) -> None:
+        """Take the accepted unknowns (n,) at a time s."""
+        self._times.append(time)
+        self._values.append(np.array(x))
+
+    def at(self, time: float) -> np.ndarray:
+        """The unknowns (n,) expected at a time s (Lagrange)."""
+        t = np.array(self._times)
+        weights = [np.prod([(time - b) / (a - b) for j, b in enumerate(t) if j != i]) for i, a in enumerate(t)]
+        return np.sum([w * x for w, x in zip(weights, self._values, strict=True)], axis=0)
+
+    def forget(self) -> None:
+        """Keep only the last accepted unknowns."""
+        while len(self._times) > 1:
+            self._times.popleft()
+            self._values.popleft()
+
+
+@dataclass
+class Steps:
+    """All communication steps, a few bytes each: end time s, status, evaluations, last residual norm, recoveries.
+
+    `messages` (step number from 1, sentence) are the last of steps that did not simply converge.
+    """
+
+    times: array = field(default_factory=lambda: array("d"))
+    codes: array = field(default_factory=lambda: array("b"))
+    iterations: array = field(default_factory=lambda: array("l"))
+    residuals: array = field(default_factory=lambda: array("d"))
+    recoveries: array = field(default_factory=lambda: array("h"))
+    messages: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=MESSAGES))
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def statuses(self) -> list[str]:
+        """The status of every step."""
+        return [STATUSES[code] for code in self.codes]
+
+    def count(self, status: str) -> int:
+        """How many steps ended with a status."""
+        return self.codes.count(STATUSES.index(status))
+
+    def append(self, time: float, status: str, iterations: int, residual: float, recoveries: int) -> None:
+        """Book a step."""
+        self.times.append(time)
+        self.codes.append(STATUSES.index(status))
+        self.iterations.append(iterations)
+        self.residuals.append(residual)
+        self.recoveries.append(min(recoveries, 32767))
+
+
+@dataclass
+class March:
+    """Where a run through time stands after a communication step: with the states of the participants, all of it."""
+
+    x: np.ndarray
+    predictor: Predictor
+    steps: Steps = field(default_factory=Steps)
+
+
+@dataclass(frozen=True, eq=False)
+class MarchResult:
+    """End of a run through time: "converged" if every step did (some may have recovered), else the status of the first
+    step that did not, with why. `x` (unknowns,) is what is sent back at the end, `time` s how far it came.
+    """
+
+    status: str
+    message: str
+    time: float
+    x: np.ndarray
+    steps: Steps
+    evaluations: int
+    seconds: dict[str, float]
+
+
+def march(
+    exchange: Exchange,
+    scheme: Scheme | None,
+    stop_time: float,
+    order: Order = "serial",
+    predictor: str = "linear",
+    atol: Tolerance = 0.0,
+    rtol: Tolerance = 1e-6,
+    residual_rtol: Tolerance = 0.0,
+    max_iterations: int = 100,
+    strict: bool = True,
+    recoveries: int = 3,
+    callback: Callable[[float, FixedPointResult | None], object] | None = None,
+    hold: Callable[[March], object] | None = None,
+    begun: March | None = None,
+) -> MarchResult:
+    """Step an exchange with `rollback` from its time to `stop_time` s; every communication step is solved to tolerance.
+
+    `scheme` None is the explicit scheme: one exchange a communication step and no iteration. Implicit schemes repeat a
+    step from the states at its beginning, from a `predictor` of what is sent back; tolerances are those of
+    `fixed_point`. A step that does not converge is tried once more, without extrapolation and with the scheme begun
+    anew. If that fails too the run ends (`strict`), or it goes on with what was reached and its status says so.
+    `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs; `begun` from
+    one continues there.
+
+    ValueError in one sentence where a participant that has a memory cannot be put back and the scheme is implicit.
+    """
+    if not exchange.rollback:
+        raise ValueError("the exchange goes on in time with every evaluation; make it with rollback = True.")
+    if scheme is not None:
+        require_rollback(exchange)
+    if not (np.isfinite(stop_time) and stop_time >= exchange.time):
+        raise ValueError(f"the stop time {stop_time:g} s must not lie before the start, {exchange.time:g} s.")
+    now = begun
+    if now is None:
+        now = March(exchange.present(order), Predictor(predictor))
+        now.predictor.add(exchange.time, now.x)
+    count = round((stop_time - exchange.time) / exchange.dt)
+    if abs(exchange.time + count * exchange.dt - stop_time) > 1e-6 * exchange.dt:
+        raise ValueError(
+            f"from {exchange.time:g} s to {stop_time:g} s is no whole number of steps of {exchange.dt:g} s."
+        )
+    settings: dict[str, Any] = {"atol": atol, "rtol": rtol, "residual_rtol": residual_rtol}
+    settings |= {"max_iterations": max_iterations, "fields": exchange.fields(order), "recoveries": recoveries}
+    status, message = "converged", f"All {len(now.steps) + count} communication steps converged."
+    try:
+        for _ in range(count):
+            exchange.open(order)
+            if scheme is None:
+                ended, found = _explicit_step(exchange, now, order, recoveries)
+            else:
+                ended, found = _implicit_step(exchange, scheme, now, order, settings)
+            if ended not in GOOD and status == "converged":
+                reached = exchange.time + exchange.dt
+                status = ended
+                message = f"Communication step {len(now.steps)}, to {reached:g} s: {found.message}"
+            usable = found is not None and np.all(np.isfinite(found.x_tilde))
+            if ended not in GOOD and (strict or not usable):
+                exchange.rewind()
+                break
+            now.x = found.x_tilde
+            exchange.accept()
+            now.predictor.add(exchange.time, now.x)
+            if callback is not None:
+                callback(exchange.time, found)
+            if hold is not None:
+                hold(now)
+    finally:
+        exchange.abandon()
+    return MarchResult(status, message, exchange.time, now.x, now.steps, exchange.evaluations, dict(exchange.seconds))
+
+
+def without_rollback(exchange: Exchange) -> list[str]:
+    """The participants with a memory that cannot be put back to repeat a communication step."""
+    return [
+        name
+        for name, participant in exchange.participants.items()
+        if name not in exchange.memoryless and not getattr(participant, "saves_state", True)
+    ]
+
+
+def require_rollback(exchange: Exchange) -> None:
+    """ValueError in one sentence if a communication step cannot be repeated."""
+    for name in without_rollback(exchange):
+        raise ValueError(
+            f"{exchange.described(name)} cannot save and restore its state (canGetAndSetFMUstate is false), so a "
+            "communication step cannot be repeated: use the explicit scheme, or declare the participant memoryless "
+            "if its outputs depend on its present inputs and the time only."
+        )
+
+
+def _implicit_step(
+    exchange: Exchange, scheme: Scheme, now: March, order: Order, settings: dict[str, Any]
+) -> tuple[str, FixedPointResult]:
+    """Status and result of one step, at most two attempts."""
+
+    def attempt(x: np.ndarray) -> FixedPointResult:
+        return fixed_point(lambda x: exchange.evaluate(x, order), x, scheme, **settings)
+
+    found = attempt(now.predictor.at(exchange.time + exchange.dt))
+    events: list[Recovery] = list(found.recoveries)
+    iterations = found.iterations
+    if not found.converged:
+        events.append(Recovery(iterations, found.message.rstrip("."), "the step was begun anew"))
+        restart = getattr(scheme, "restart", None)
+        if restart is not None:
+            restart()
+        now.predictor.forget()
+        found = attempt(now.x)
+        iterations += found.iterations
+        events += found.recoveries
+    status = "recovered" if found.converged and events else found.status
+    _book(exchange, now, status, found, iterations, events)
+    return status, found
+
+
+def _explicit_step(exchange: Exchange, now: March, order: Order, recoveries: int) -> tuple[str, FixedPointResult]:
+    """One exchange, repeated as it was if it fails and all participants can be put back."""
+    if without_rollback(exchange):
+        recoveries = 0
+    found = fixed_point(
+        lambda x: exchange.evaluate(x, order),
+        now.x,
+        ConstantRelaxation(1.0),
+        atol=ANY,
+        max_iterations=recoveries + 1,
+        recoveries=recoveries,
+        fields=exchange.fields(order),
+    )
+    status = "recovered" if found.converged and found.recoveries else found.status
+    _book(exchange, now, status, found, found.iterations, list(found.recoveries))
+    return status, found
+
+
+def _book(
+    exchange: Exchange, now: March, status: str, found: FixedPointResult, iterations: int, events: list[Recovery]
+) -> None:
+    now.steps.append(exchange.time + exchange.dt, status, iterations, float(found.residual_norms[-1]), len(events))
+    for event in events:
+        now.steps.messages.append((len(now.steps), str(event)))
+    if status not in GOOD:
+        now.steps.messages.append((len(now.steps), found.message))
