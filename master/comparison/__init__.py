@@ -38,10 +38,10 @@ def compare(
     """Solve every scene with every scheme; a flat dict per cell, such that `pandas.DataFrame` makes a table of them.
 
     A cell is a scene with settings and a scheme with parameters; each starts afresh from the scene's start. `schemes`
-    are names of `master.schemes.SCHEMES`, all of them if None. `parameters` maps names of scheme parameters to a value
-    or several, `iqn-ils.omega0` for one scheme, `omega` for all that have it. `settings` maps names of settings and
-    parameters of the scenes to a value, `sweep` to several; a scene's name in front keeps them to that scene. All
-    combinations are solved. `tolerance` m, `force_tolerance` N and `max_iterations` are those of
+    are names of `master.schemes.SCHEMES`, all that the backend allows if None. `parameters` maps names of scheme
+    parameters to a value or several, `iqn-ils.omega0` for one scheme, `omega` for all that have it. `settings` maps
+    names of settings and parameters of the scenes to a value, `sweep` to several; a scene's name in front keeps them to
+    that scene. All combinations are solved. `tolerance` m, `force_tolerance` N and `max_iterations` are those of
     `master.coupling.solve`; wall times are of the solve with the median one of `repeat`.
 
     `jobs` worker processes with one BLAS thread each (None: one a core) solve the cells. They start Python anew and
@@ -55,7 +55,8 @@ def compare(
     ValueError in one sentence for bad input. What the keys mean is in docs/compare.md.
     """
     paths = [str(s) for s in ([scenes] if isinstance(scenes, str | Path) else scenes)]
-    names = list(SCHEMES) if schemes is None else [schemes] if isinstance(schemes, str) else list(schemes)
+    all_ = [name for name, kind in SCHEMES.items() if backend == "in-process" or not kind.exact]
+    names = all_ if schemes is None else [schemes] if isinstance(schemes, str) else list(schemes)
     options = {
         "backend": backend,
         "tolerance": tolerance,

@@ -10,8 +10,8 @@ import numpy as np
 from master.commands import pair, prepared
 from master.comparison.grid import Cell
 from master.coupling import CoupledResult, Coupling, solve
-from master.participants import Participant, StepFailed
-from master.schemes import scheme
+from master.participants import Participant
+from master.schemes import SCHEMES, scheme
 
 OUTPUTS = ("CL", "CD", "tip_span")  # outputs of the flow that tell one equilibrium from another
 HISTORIES = {
@@ -20,7 +20,7 @@ HISTORIES = {
     "newton_history_structural": "structural.newton_iterations",
     "newton_history_aero": "aero.newton_iterations",
 }
-RECORDS = ("omega", "columns", "filtered")  # what a scheme may say of an update
+RECORDS = ("omega", "columns", "filtered", "products")  # what a scheme may say of an update
 _WARM: set[str] = set()  # folders of scenes that this process has solved
 
 
@@ -39,7 +39,7 @@ class Counted:
         self.calls += 1
         try:
             self._participant.step(t, dt)
-        except StepFailed:
+        except Exception:
             self.failures += 1
             raise
 
@@ -79,27 +79,30 @@ def crashed(cell: Cell, reason: str) -> dict[str, Any]:
 
 def _solve(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple[dict[str, Any], dict[str, float]]:
     """What one solve found and, apart, what it took."""
-    accelerated = scheme(cell.scheme, **cell.parameters)
-    records: list[dict[str, float]] = []
     with pair(scene, cell.backend, given, folder) as coupling:
         coupling.structural, coupling.aero = Counted(coupling.structural), Counted(coupling.aero)
+        coupling.participants = {"aero": coupling.aero, "structural": coupling.structural}
+        if SCHEMES[cell.scheme].exact:
+            try:
+                coupling.require_derivatives()
+            except ValueError as error:
+                return {"status": "unavailable", "message": str(error)}, {"total": 0.0}
         result = solve(
             coupling,
-            accelerated,
+            scheme(cell.scheme, coupling, **cell.parameters),
             atol=cell.tolerance,
             force_tolerance=cell.force_tolerance,
             max_iterations=cell.max_iterations,
-            progress=lambda *_: records.append(dict(getattr(accelerated, "record", {}))),
             tie_tolerance="solver_tolerance" not in given,
         )
-        found = _row(coupling, result, records)
+        found = _row(coupling, result)
     found["settings"] = {"scene": dict(scene.settings), **found["settings"]}
     seconds = result.seconds
     master = seconds["total"] - seconds["structural"] - seconds["aero"]
     return found, {**{k: seconds[k] for k in ("total", "structural", "aero")}, "master": master}
 
 
-def _row(coupling: Coupling, result: CoupledResult, records: list[dict[str, float]]) -> dict[str, Any]:
+def _row(coupling: Coupling, result: CoupledResult) -> dict[str, Any]:
     sides: dict[str, Any] = {"structural": coupling.structural, "aero": coupling.aero}
     history = result.history
     row: dict[str, Any] = {
@@ -110,14 +113,13 @@ def _row(coupling: Coupling, result: CoupledResult, records: list[dict[str, floa
         "residual_N": result.residual_N,
         "calls": {side: participant.calls for side, participant in sides.items()},
         "failures": sum(participant.failures for participant in sides.values()),
+        "recoveries": len(result.recoveries),
         "outputs": {name: float(coupling.aero.get(name)) for name in OUTPUTS if name in coupling.aero.blocks},
         "histories": {name: [row.get(column) for row in history] for name, column in HISTORIES.items()},
         "displacement": np.ravel(result.displacement).tolist(),
     }
     for name in RECORDS:
-        # entry k is of the update after evaluation k; the callback of evaluation k + 1 sees it
-        seen = [r.get(name) for r in records[1:]] + [None]
-        row["histories"][f"{name}_history"] = [h.get(name, s) for h, s in zip(history, seen, strict=True)]
+        row["histories"][f"{name}_history"] = [h.get(name) for h in history]  # of the update that led there
     row["settings"] = {
         side: {b: participant.get(b).tolist() for b, c in participant.causality.items() if c == "parameter"}
         for side, participant in sides.items()

@@ -73,12 +73,14 @@ def _flat(cell: Cell, row: dict[str, Any]) -> dict[str, Any]:
         "newton_structural": _total(histories.get("newton_history_structural")),
         "newton_aero": _total(histories.get("newton_history_aero")),
         "failures": row.get("failures"),
+        "recoveries": row.get("recoveries"),
         "residual_m": row.get("residual_m"),
         "residual_N": row.get("residual_N"),
         **{name: row.get("outputs", {}).get(name) for name in OUTPUTS},
         **{f"seconds_{name}": seconds.get(name) for name in SECONDS},
         "columns": _most(histories.get("columns_history")),
         "filtered": _total(histories.get("filtered_history")),
+        "products": _total(histories.get("products_history")),
     }
     flat |= {name: histories.get(name, []) for name in (*HISTORIES, *(f"{r}_history" for r in RECORDS))}
     options = ("tolerance", "force_tolerance", "max_iterations", "repeat")

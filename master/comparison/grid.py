@@ -13,7 +13,7 @@ import numpy as np
 
 from master.commands import BACKENDS, prepared
 from master.report.tables import versions
-from master.schemes import SCHEMES, scheme
+from master.schemes import SCHEMES
 
 # What a change of the code must not leave unnoticed; report and comparison only show the numbers.
 _NUMBERS = {"structural": "**/*.py", "aero": "**/*.py", "scenes": "*.py", "fmus": "*.py", "master": "**/*.py"}
@@ -94,6 +94,9 @@ def _checked(scenes: Sequence[str], schemes: Sequence[str], options: Mapping[str
             raise ValueError(f"there is no scheme '{name}'; choose from: {', '.join(SCHEMES)}.")
     if options["backend"] not in BACKENDS:
         raise ValueError(f"there is no backend '{options['backend']}'; choose one of: {', '.join(BACKENDS)}.")
+    exact = [name for name in schemes if SCHEMES[name].exact]
+    if exact and options["backend"] == "fmu":
+        raise ValueError(f"scheme {exact[0]} needs directional derivatives, which FMUs lack; use --backend in-process.")
     for key in ("tolerance", "force_tolerance"):
         if not (np.isfinite(options[key]) and options[key] > 0.0):
             raise ValueError(f"--{key.replace('_', '-')} must be a number above zero, not {options[key]}.")
@@ -122,7 +125,8 @@ def _variants(schemes: Sequence[str], given: Mapping[str, Sequence[Any]]) -> lis
     for owner, values_of in lists.items():
         for combination in itertools.product(*values_of.values()):
             chosen = dict(zip(values_of, combination, strict=True))
-            scheme(owner, **chosen)  # refuses what it does not take
+            needed: dict[str, Any] = {"product": np.copy} if SCHEMES[owner].exact else {}
+            SCHEMES[owner](**needed, **chosen)  # refuses what it does not take
             label = " ".join([owner, *(f"{k}={_text(v)}" for k, v in chosen.items())])
             out.append((owner, {**SCHEMES[owner].parameters, **chosen}, label))
     return out

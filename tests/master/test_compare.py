@@ -76,15 +76,15 @@ def test_histories_say_what_each_update_used():
     relaxation, aitken, quasi = compare("v3_kite", ["relaxation", "aitken", "iqn-ils"], {"aitken.omega": 0.4}, jobs=0)
     for row in (relaxation, aitken, quasi):
         assert len(row["omega_history"]) == len(row["columns_history"]) == row["coupling_iterations"]
-    # the evaluation that converges is followed by no update
-    assert set(relaxation["omega_history"][:-1]) == {0.25}
-    assert aitken["omega_history"][0] == 0.4
-    assert aitken["omega_history"][-1] is None
+    # no update leads to the first evaluation
+    assert relaxation["omega_history"][0] is aitken["omega_history"][0] is None
+    assert set(relaxation["omega_history"][1:]) == {0.25}
+    assert aitken["omega_history"][1] == 0.4
     r = aitken["residual_history_m"]
     assert len(set(aitken["omega_history"])) > 2
     assert len(r) == aitken["coupling_iterations"]
     # a column a coupling iteration, as long as none is filtered
-    used, filtered = quasi["columns_history"][:-1], quasi["filtered_history"][:-1]
+    used, filtered = quasi["columns_history"][1:], quasi["filtered_history"][1:]
     assert [u + f for u, f in zip(used, filtered, strict=True)] == list(range(len(used)))
 
 
