@@ -212,6 +212,19 @@ def test_files_hold_what_the_rows_say(tmp_path):
         assert f'<th scope="row">{name}</th>' in page
 
 
+def test_scheme_without_the_derivatives_that_it_needs_is_unavailable(monkeypatch):
+    def refuse(self):
+        raise ValueError("the aero solver offers no directional derivatives.")
+
+    monkeypatch.setattr(Coupling, "require_derivatives", refuse)
+    (row,) = compare("typical_section", "newton-krylov", jobs=0)
+    assert row["status"] == "unavailable"
+    assert row["message"] == "the aero solver offers no directional derivatives."
+    assert row["seconds_total"] is row["coupling_iterations"] is None
+    with pytest.raises(ValueError, match="--backend in-process"):
+        compare("typical_section", "newton-krylov", backend="fmu", jobs=0)
+
+
 class Fails:
     """A scheme with a defect."""
 
