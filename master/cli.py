@@ -1,4 +1,4 @@
-"""Command line: `kitecosim run|build|scenes`. What the commands do is in commands.py."""
+"""Command line: `kitecosim run|build|compare|scenes`. What the commands do is in commands.py."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -90,6 +90,79 @@ def build(
     from master.commands import build_scene
 
     _finish(lambda: build_scene(scene, _assignments(set_), out))
+
+
+@app.command(short_help="Compare coupling schemes on one or more scenes.")
+def compare(
+    scene: Annotated[
+        list[str], typer.Argument(help="Names of built-in scenes (see `kitecosim scenes`) or scene folders.")
+    ],
+    schemes: Annotated[
+        str | None, typer.Option(help="Schemes, parted by commas; without it all that there are.", metavar="NAME,NAME")
+    ] = None,
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SCHEME.NAME=VALUE,VALUE",
+            help="Values of a parameter of a scheme, as iqn-ils.omega0=0.1,0.35; without SCHEME of all that have it. "
+            "Repeatable; all combinations are solved.",
+        ),
+    ] = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE,VALUE",
+            help="Several values of a setting or parameter of the scenes, as wind_speed=8,12,20; vectors as "
+            "1,0,0;1,0,0.1. Repeatable; all combinations are solved.",
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Setting or parameter of the scenes, as in run; of those that have it where there are several. "
+            "SCENE.NAME keeps it (or a sweep) to one. Repeatable.",
+        ),
+    ] = None,
+    backend: Annotated[
+        str, typer.Option(help="in-process: the solvers without FMUs; fmu: build and load the FMUs of every cell.")
+    ] = "in-process",
+    tolerance: Annotated[
+        float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
+    ] = 1e-5,
+    force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
+    max_iterations: Annotated[int, typer.Option(help="Most coupling iterations of a cell.")] = 200,
+    repeat: Annotated[int, typer.Option(help="Solve each cell so often; wall times are those of the median.")] = 1,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            help="Worker processes; without it one a core. 1: wall times that nothing disturbs. 0: no worker process."
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("results/compare"),
+    fresh: Annotated[bool, typer.Option("--fresh", help="Solve cells again that are finished in the folder.")] = False,
+) -> None:
+    """Solve every SCENE with every scheme; print tables, write them with plots and a page.
+
+    A cell is a scene with its settings and a scheme with its parameters. Finished cells are kept in the folder, so that
+    the same command goes on where it was interrupted. A scheme that does not converge is a result like any other.
+
+    Exit code: 0 all cells ran, whatever came out; 1 a cell crashed; 2 bad input; 130 interrupted.
+    """
+    from master.comparison.command import compare_scenes
+
+    options = {
+        "settings": _assignments(set_),
+        "backend": backend,
+        "tolerance": tolerance,
+        "force_tolerance": force_tolerance,
+        "max_iterations": max_iterations,
+        "repeat": repeat,
+        "jobs": jobs,
+        "fresh": fresh,
+    }
+    _finish(lambda: compare_scenes(scene, schemes, parameters or [], sweep or [], out, **options))
 
 
 @app.command(short_help="List scenes and what each one needs.")

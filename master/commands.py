@@ -46,9 +46,9 @@ def run_scene(
     if files.every < 1:
         raise ValueError(f"--checkpoint-every must be at least 1, not {files.every}.")
     begin = time.perf_counter()
-    scene, given = _prepared(name, assigned)
+    scene, given = prepared(name, assigned)
     out = out or Path("results") / scene.name
-    _folder(out)
+    results_folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run
         (out / name).unlink(missing_ok=True)
     for side in ("structural", "aero"):
@@ -56,7 +56,7 @@ def run_scene(
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
     about = {"scene": scene.name, "scene_settings": scene.settings, "parameters": _plain(given), **choices}
-    with _pair(scene, choices["backend"], given, out) as coupling, progress(choices["tolerance"], live) as shown:
+    with pair(scene, choices["backend"], given, out) as coupling, progress(choices["tolerance"], live) as shown:
         ready = time.perf_counter()
         used = _scheme(choices, coupling)
         remarks: list[str] = []
@@ -120,14 +120,14 @@ def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
     """Build the two FMUs of a scene; the exit code."""
     from fmus.builder import build
 
-    scene, given = _prepared(name, assigned)
-    _folder(out)
+    scene, given = prepared(name, assigned)
+    results_folder(out)
     for path in build(scene, out, given):
         print(path)
     return 0
 
 
-def _folder(out: Path) -> None:
+def results_folder(out: Path) -> None:
     """Make the folder for results; ValueError in one sentence if that cannot be."""
     if (out / "scene.toml").exists():
         raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
@@ -196,7 +196,7 @@ def _plain(given: dict[str, Any]) -> dict[str, Any]:
     return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
-def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
+def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
     """The scene with its settings, and its parameters: the assigned ones, checked, and the trim angle if it has one."""
     import scenes
 
@@ -233,7 +233,7 @@ def _number(key: str, text: str, variable: Any) -> Any:
 
 
 @contextlib.contextmanager
-def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
+def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
     """The two participants of a scene, coupled; they are closed at the end."""
     with contextlib.ExitStack() as stack:
         if backend == "fmu":

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, gmres
 
 from master.acceleration.scheme import Field, require_count, require_fraction
 
@@ -42,6 +41,8 @@ class NewtonKrylov:
 
     def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Next x, same shape and unit."""
+        from scipy.sparse.linalg import LinearOperator, gmres  # loads slowly, and only this scheme needs it
+
         s = np.ones_like(r)
         for f in self._fields:
             s[f] = np.linalg.norm(r[f]) or 1.0
