@@ -34,7 +34,6 @@ class AeroCore(Core):
             camber=scene.settings.get("camber_feedback", "off") == "on",
         )
         self._gamma = None
-        self._fresh = True  # no step yet
         self._looked = False  # the present values have been tried without a step
         self._stall = self._wing.polars.stall_angles()
         self._mirrored_polars = self._wing.polars.mirrored()
