@@ -42,7 +42,7 @@ def control_fractions(width):
     if len(width) == 1:
         return np.array([0.5])
     ratio = width[:-1] / (width[:-1] + width[1:])
-    fraction = np.empty(len(width))
+    fraction = np.empty_like(width)
     fraction[0], fraction[-1] = ratio[0], ratio[-1]
     fraction[1:-1] = 0.25 * (ratio[:-1] + ratio[1:] + 1.0)
     return fraction

@@ -21,8 +21,8 @@ def mirror_images(interface):
 
 
 def symmetrised(values, image):
-    """The symmetric part of vectors (n,3) or scalars (n,) with the mirror `image` (n,) of each."""
-    return 0.5 * (values + values[image] * (_FLIP if values.ndim == 2 else 1.0))
+    """The symmetric part of vectors (n,...,3) or scalars (n,) with the mirror `image` (n,) of each."""
+    return 0.5 * (values + values[image] * (_FLIP if values.ndim > 1 else 1.0))
 
 
 def symmetric_state(loads, x, mirror, images):
