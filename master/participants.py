@@ -28,7 +28,10 @@ class StepFailed(RuntimeError):
 
 
 class Participant(Protocol):
-    """A solver that exchanges named blocks of values and advances step by step."""
+    """A solver that exchanges named blocks of values and advances step by step.
+
+    It may have derivatives too: `Blocks.directional_derivative`.
+    """
 
     @property
     def blocks(self) -> Mapping[str, tuple[int, ...]]:
@@ -88,6 +91,10 @@ class InProcessParticipant(Blocks):
         """See Participant."""
         self.shape(block)
         return np.array(self._core.get(block), dtype=float)
+
+    def directional_derivative(self, changes: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """See Participant."""
+        return dict(getattr(self._core, "directional_derivative", super().directional_derivative)(changes))
 
     def save(self) -> Any:
         """See Participant."""

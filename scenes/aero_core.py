@@ -1,6 +1,6 @@
 """The aerodynamic solver of a scene behind blocks: interface displacements in, pressures and shears out."""
 
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -175,12 +175,15 @@ class AeroCore(Core):
 
     def _symmetric_part(self, change):
         """The mirror-symmetric part of a direction (n,3); of the wing alone where the lines have no mirror image."""
-        image = mirror_permutation(self._interface.nodes)
-        if image is not None:
-            return symmetrised(change, image)
+        if self._image is not None:
+            return symmetrised(change, self._image)
         change, sections = change.copy(), self._interface.sections
         change[sections] = symmetrised(change[sections], np.arange(len(sections))[::-1])
         return change
+
+    @cached_property
+    def _image(self):
+        return mirror_permutation(self._interface.nodes)
 
     def _present(self):
         """Nodes (n,3) m of the displaced interface, direction (3,) of the wind, its speed m/s."""
