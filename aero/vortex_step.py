@@ -8,7 +8,7 @@ import numpy as np
 from .circulation import Circulation, SectionFlow, attached_start, flow_angle, solve
 from .influence import CORE_FRACTION, control_influence, folded, wake_influence
 from .polars import StripPolars
-from .strips import Strips, strips_between, unit
+from .strips import Strips, cross, strips_between, unit
 from .surface_loads import PanelGeometry, SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
 
 
@@ -159,8 +159,8 @@ class VortexStep:
             v = flow.free_stream + (wash @ circulation.gamma).T
             alpha = flow_angle(np.einsum("ik,ik->i", v, part.normal), np.einsum("ik,ik->i", v, part.tangent))
         along = np.cos(alpha)[:, None] * part.tangent + np.sin(alpha)[:, None] * part.normal
-        lift = unit(np.cross(along, part.span))
-        drag = np.cross(part.span, lift)
+        lift = unit(cross(along, part.span))
+        drag = cross(part.span, lift)
         return (q_area * cl)[:, None] * lift + (q_area * cd)[:, None] * drag, moment
 
     def _on_surface(self, nodes, strips, force, moment, circulation):
@@ -180,7 +180,7 @@ class VortexStep:
             shear = None
             sent = pressure[:, None] * panels.area
             arms = panels.centroid - np.tile(point, (k, 1))
-            force, turning = (v.reshape(k, n, 3).sum(axis=0) for v in (sent, np.cross(arms, sent)))
+            force, turning = (v.reshape(k, n, 3).sum(axis=0) for v in (sent, cross(arms, sent)))
         return WingLoads(pressure, shear, force, point, turning, circulation, strips)
 
 
