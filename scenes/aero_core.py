@@ -20,7 +20,7 @@ LOPSIDED = 1e-9
 class AeroCore(Core):
     """Quasi-steady loads of a scene's wing in a uniform wind, warm-started from step to step."""
 
-    _hidden = ("_gamma", "_fresh", "_looked")
+    _hidden = ("_gamma", "_fresh", "_solved", "_looked")
 
     def __init__(self, scene):
         content = scene.content["aero"]
@@ -192,7 +192,7 @@ class AeroCore(Core):
         return nodes, direction / np.linalg.norm(direction), self._scalar("wind_speed")
 
     def _solve(self) -> None:
-        self._linearised = None
+        self._unsolved()
         nodes, direction, speed = self._present()
         symmetric = bool(self._values["symmetric"]) and direction[1] == 0.0 and self._mirrored_polars
         symmetric = symmetric and self._symmetric_shape(nodes)
@@ -211,7 +211,7 @@ class AeroCore(Core):
             )
         self._gamma = loads.circulation.gamma
         self._show(nodes, direction, speed, loads, symmetric)
-        self._stale = False
+        self._stale, self._solved = False, True
 
     def _symmetric_shape(self, nodes):
         grid = nodes[self._interface.sections]

@@ -36,7 +36,8 @@ EASED = 1e9
 class StructuralCore(Core):
     """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
 
-    _hidden = ("_x", "_fresh", "_rotations")
+    _hidden = ("_x", "_fresh", "_solved", "_rotations")
+    _inert = ("solver_tolerance",)
 
     def __init__(self, scene):
         self._scene = scene
@@ -185,7 +186,7 @@ class StructuralCore(Core):
         if not self._stale:
             self._put("imbalance_before_step", self._values["residual"])
             return
-        self._linearised = None
+        self._unsolved()
         chains, mirrored = self._present_chains()
         loads, held = self._present_loads(), self._is_held()
         symmetric = (
@@ -209,7 +210,7 @@ class StructuralCore(Core):
         self._show(result, chains, loads, symmetric)
         if "holding_moment" in self._values:
             self._show_holding(chains, loads, held)
-        self._stale = False
+        self._stale, self._solved = False, True
 
     def directional_derivative(self, changes):
         """Derivative of the displacement along a direction in the loads, at the equilibrium of the last step.

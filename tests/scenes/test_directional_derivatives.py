@@ -11,6 +11,7 @@ from aero import WingSensitivity
 from master import IQNILS
 from master.coupling import Coupling, solve
 from master.participants import InProcessParticipant
+from scenes import aero_core
 from structural import mirror_permutation
 
 FLIP = np.array([1.0, -1.0, 1.0])
@@ -326,6 +327,27 @@ def test_values_that_have_not_been_solved_have_no_derivative(equilibria, side):
         participant.directional_derivative({})
 
 
+def test_tolerance_of_the_next_solve_leaves_the_derivative_alone(equilibria):
+    structure = equilibria("kite").structural
+    a = random_directions(structure, 0)
+    first = structure.directional_derivative(a)["displacement"]
+    structure.set("solver_tolerance", 0.5)
+    assert np.array_equal(structure.directional_derivative(a)["displacement"], first)
+    structure.restore(structure.save())
+    assert np.array_equal(structure.directional_derivative(a)["displacement"], first)
+
+
+def test_fold_of_the_circulation_has_no_derivative(equilibria, monkeypatch):
+    air = equilibria("kite").aero
+
+    def singular(*_):
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(aero_core, "WingSensitivity", singular)
+    with pytest.raises(ValueError, match="at a fold of its solutions"):
+        air.directional_derivative({})
+
+
 def test_step_that_fails_leaves_no_derivative(equilibria):
     structure = equilibria("kite").structural
     structure.set("pressure", np.full(structure.blocks["pressure"], -1e7))
@@ -333,11 +355,3 @@ def test_step_that_fails_leaves_no_derivative(equilibria):
         structure.step(0.0, 1.0)
     with pytest.raises(ValueError, match="last step failed"):
         structure.directional_derivative({})
-
-
-def test_participant_whose_core_has_no_derivatives_says_so():
-    class Plain:
-        variables = ()
-
-    with pytest.raises(ValueError, match="Pump gives no directional derivatives"):
-        InProcessParticipant(Plain(), name="Pump").directional_derivative({})
