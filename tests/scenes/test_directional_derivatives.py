@@ -34,7 +34,7 @@ CASES = {
     "held turn": ("v3_kite_detailed", COARSE, TURN, 1e-7, 1e-4),
 }
 # What the differences themselves leave: noise of the solves, 1e-12 of the circulation and `solver_tolerance`, over the
-# steps, and truncation. Found are 1e-9 at most; 4e-9 for the held turn, where the solver's last steps converge linearly,
+# steps, and truncation. Found are 1e-9 at most; 4e-9 for the held turn, whose solver ends in linear convergence,
 # since its tangent does without the moment of the hold (1e-7 is then possible).
 BOUND = 1e-6
 
