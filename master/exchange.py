@@ -180,7 +180,7 @@ class Exchange:
     def require_derivatives(self) -> None:
         """ValueError in one sentence if a participant offers no directional derivatives."""
         for name, participant in self.participants.items():
-            if not hasattr(participant, "directional_derivative"):
+            if not getattr(participant, "offers_derivatives", False):
                 raise ValueError(f"{self.described(name)} offers no directional derivatives, solvers in-process do.")
 
     def _step(self, participant: Participant, name: str, inputs: dict[Connection, np.ndarray]) -> None:
