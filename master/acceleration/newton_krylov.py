@@ -15,8 +15,7 @@ class NewtonKrylov:
 
     `product(v)` is G' v at the x that was evaluated last. The equation is solved to the relative residual
     min(`eta`, 0.9 (|r| / |r_before|)^2), which keeps the quadratic convergence of Newton's method and asks for few
-    products far from the solution; `directions` bounds them. Weights as in the quasi-Newton schemes: fields are scaled
-    by the share of the residual that they have.
+    products far from the solution; `directions` bounds them. Several fields are scaled by their size |x_tilde_f|.
     """
 
     product: Callable[[np.ndarray], np.ndarray]
@@ -44,10 +43,9 @@ class NewtonKrylov:
         from scipy.sparse.linalg import LinearOperator, gmres  # loads slowly, and only this scheme needs it
 
         s = np.ones_like(r)
-        for f in self._fields:
-            s[f] = np.linalg.norm(r[f]) or 1.0
-        if len(self._fields) == 1:
-            s[:] = 1.0
+        if len(self._fields) > 1:
+            for f in self._fields:
+                s[f] = np.linalg.norm(x[f] + r[f]) or 1.0
         count = 0
 
         def scaled(v: np.ndarray) -> np.ndarray:
