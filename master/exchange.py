@@ -25,12 +25,13 @@ class CoupledStepFailed(ArithmeticError):
 
 @dataclass(frozen=True)
 class Connection:
-    """The block `output` of participant `source` is the block `input` of participant `target`."""
+    """`factor` times the block `output` of participant `source` is the block `input` of participant `target`."""
 
     source: str
     output: str
     target: str
     input: str
+    factor: float = 1.0
 
     @property
     def field(self) -> str:
@@ -39,6 +40,10 @@ class Connection:
 
     def __str__(self) -> str:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
+
+    def applied(self, values: np.ndarray) -> np.ndarray:
+        """What arrives when `values` are sent."""
+        return values if self.factor == 1.0 else self.factor * values
 
 
 class Exchange:
@@ -144,7 +149,7 @@ class Exchange:
             inputs = {}
             for c in self._inputs[name]:
                 known = x[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field]
-                inputs[c] = known
+                inputs[c] = c.applied(known)
             with self.booked(name):
                 self._step(participant, name, inputs)
                 for field in {c.field: c for c in self.connections if c.source == name}.values():
@@ -167,7 +172,9 @@ class Exchange:
                     f"{self.described(name)} offers no directional derivatives; run the solvers in-process."
                 )
             changes = {
-                c.input: v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field]
+                c.input: c.applied(
+                    v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field]
+                )
                 for c in self._inputs[name]
             }
             start = time.perf_counter()
@@ -234,7 +241,8 @@ class Exchange:
         self.freed(self._states)
         self._states = self.saved() if self.rollback else {}
         ramps = [n for n, count in self.substeps.items() if count > 1]
-        self._began = {c: self.participants[c.source].get(c.output).copy() for n in ramps for c in self._inputs[n]}
+        ramped = [c for n in ramps for c in self._inputs[n]]
+        self._began = {c: c.applied(self.participants[c.source].get(c.output)).copy() for c in ramped}
 
     def rewind(self) -> None:
         """Return to the beginning of the communication step."""
