@@ -226,9 +226,10 @@ class Exchange:
         return {n: p.save() for n, p in self.participants.items() if getattr(p, "saves_state", True)}
 
     def put_back(self, states: Mapping[str, Any]) -> None:
-        """Return the participants to `states`."""
+        """Return the participants to `states`; CoupledStepFailed if one cannot."""
         for name, state in states.items():
-            self.participants[name].restore(state)
+            with self.booked(name):
+                self.participants[name].restore(state)
 
     def freed(self, states: dict[str, Any]) -> None:
         """Give back what `states` hold."""
@@ -262,20 +263,21 @@ class Exchange:
 
 
 class Warmth:
-    """Anchor of a coupling loop: the states of the participants at the best point so far."""
+    """Anchor of a coupling loop: the states of the participants at the best point so far, and their time."""
 
     def __init__(self, exchange: Exchange) -> None:
         self._exchange = exchange
-        self._states = exchange.saved()
+        self._states, self._time = exchange.saved(), exchange.time
 
     def mark(self) -> None:
         """See Anchor."""
         self._exchange.freed(self._states)
-        self._states = self._exchange.saved()
+        self._states, self._time = self._exchange.saved(), self._exchange.time
 
     def restore(self) -> None:
         """See Anchor."""
         self._exchange.put_back(self._states)
+        self._exchange.time = self._time
 
     def close(self) -> None:
         """Free the states."""

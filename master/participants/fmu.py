@@ -10,7 +10,7 @@ import shutil
 import tempfile
 import weakref
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from ctypes import byref, c_byte, c_size_t, c_void_p
 from pathlib import Path
 from typing import Any
@@ -49,8 +49,9 @@ def _needed(path: str) -> bool:
 class FmuParticipant(Blocks):
     """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
 
-    `parameters` (block -> value) are start values of parameters and inputs. What the FMU logs is kept, not printed:
-    `messages` holds the last (status, sentence) pairs.
+    `parameters` (block -> value) are start values of parameters and inputs. `named` makes blocks beside those of
+    `name[i,j]`: name -> (variables in row-major order, shape). What the FMU logs is kept, not printed: `messages` holds
+    the last (status, sentence) pairs.
     """
 
     def __init__(
@@ -59,6 +60,7 @@ class FmuParticipant(Blocks):
         parameters: Mapping[str, Any] | None = None,
         start_time: float = 0.0,
         stop_time: float | None = None,
+        named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]] | None = None,
     ) -> None:
         self.name = Path(path).name
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
@@ -69,8 +71,9 @@ class FmuParticipant(Blocks):
         self._states: dict[int | None, c_void_p] = {}
         self._initialised = False
         self._fmu: Any = None  # of fmpy, while it is alive
+        self._end = "is closed."
         try:
-            self._load(path)
+            self._load(path, named or {})
             for block, value in (parameters or {}).items():
                 self._put(block, self.checked(block, value, start=True))
             dll, defined = self._alive(), stop_time is not None
@@ -82,7 +85,7 @@ class FmuParticipant(Blocks):
             self.close()
             raise
 
-    def _load(self, path: str | Path) -> None:
+    def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
         """Unpack, describe and instantiate."""
         try:
             extract(str(path), self._folder, include=_needed)
@@ -93,7 +96,9 @@ class FmuParticipant(Blocks):
             raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
+        variables = {variable.name: variable for variable in description.modelVariables}
         self._scalars = grouped(description.modelVariables)
+        self._scalars |= {name: ([variables[v] for v in listed], shape) for name, (listed, shape) in named.items()}
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self.limits = {name: described_limits(*block) for name, block in self._scalars.items()}
         self._channels: dict[str, Channel] = {}
@@ -126,7 +131,7 @@ class FmuParticipant(Blocks):
     def _alive(self) -> Any:
         """The C functions."""
         if self._fmu is None:
-            raise ValueError(f"{self.name} is closed.")
+            raise ValueError(f"{self.name} {self._end}")
         return self._fmu.dll
 
     def _call(self, function: Any, *arguments: Any) -> int:
@@ -138,7 +143,8 @@ class FmuParticipant(Blocks):
         status: int = function(*arguments)
         if status == _FATAL:
             self._fmu = None  # no further call is allowed, not even the one that frees it
-            raise RuntimeError(f"{self.name} ended with fmi2Fatal: {self._reason or 'no reason logged'}")
+            self._end = f"ended with fmi2Fatal: {self._reason or 'no reason logged'}"
+            raise RuntimeError(f"{self.name} {self._end}")
         return status
 
     def _require(self, function: Any, *arguments: Any) -> None:
