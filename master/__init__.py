@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from master.acceleration import IQNILS, Aitken, ConstantRelaxation
+    from master.couple import couple
     from master.fixed_point import FixedPointResult, fixed_point
 
-__all__ = ["IQNILS", "Aitken", "ConstantRelaxation", "FixedPointResult", "fixed_point"]
+__all__ = ["IQNILS", "Aitken", "ConstantRelaxation", "FixedPointResult", "couple", "fixed_point"]
 
-_MODULES = {"FixedPointResult": "fixed_point", "fixed_point": "fixed_point"}
+_MODULES = {"FixedPointResult": "fixed_point", "couple": "couple", "fixed_point": "fixed_point"}
 
 
 class _Package(ModuleType):

@@ -91,7 +91,7 @@ def grouped(variables: Iterable[Any]) -> dict[str, tuple[list[Any], tuple[int, .
     blocks: dict[str, tuple[list[Any], tuple[int, ...]]] = {}
     for name, members in groups.items():
         members.sort(key=lambda member: member[0])
-        shape = _grid([place for place, _ in members])
+        shape = grid([place for place, _ in members])
         if shape is None or len({(v.type, v.causality, v.variability) for _, v in members}) > 1:
             blocks |= {variable.name: ([variable], ()) for _, variable in members}
         else:
@@ -99,7 +99,7 @@ def grouped(variables: Iterable[Any]) -> dict[str, tuple[list[Any], tuple[int, .
     return blocks
 
 
-def _grid(places: list[tuple[int, ...]]) -> tuple[int, ...] | None:
+def grid(places: list[tuple[int, ...]]) -> tuple[int, ...] | None:
     """Shape of the array whose every index, from any origin, is listed once in row-major order; None if it is not."""
     first, last = places[0], places[-1]
     if len(first) != len(last):

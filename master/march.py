@@ -250,9 +250,7 @@ def _explicit_step(exchange: Exchange, now: March, order: Order, recoveries: int
     return status, found
 
 
-def _solved(
-    exchange: Exchange, scheme: Scheme, x: np.ndarray, order: Order, **settings: Any
-) -> FixedPointResult:
+def _solved(exchange: Exchange, scheme: Scheme, x: np.ndarray, order: Order, **settings: Any) -> FixedPointResult:
     """The fixed point of the exchange from x; where nothing is sent back, one exchange is all there is to do."""
     if x.size:
         return fixed_point(lambda x: exchange.evaluate(x, order), x, scheme, **settings)
