@@ -38,12 +38,25 @@ def _hear(environment: int, _instance: bytes, status: int, _category: bytes, mes
 _LOGGER = fmi2CallbackLoggerTYPE(_hear)
 _PROXIED = fmi2CallbackFunctions()
 _PROXIED_POINTER = byref(_PROXIED)
-_WARNING, _DISCARD, _FATAL = 1, 2, 4  # fmi2Status
+_WARNING, _DISCARD, _ERROR, _FATAL = 1, 2, 3, 4  # fmi2Status
 
 
 def _needed(path: str) -> bool:
     """Whether a file of an FMU is of use here: the binaries of other platforms are not."""
     return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
+
+
+class FMU2Sparse(FMU2Slave):  # fmpy tells the version of FMI by the first letters of the name
+    """A library that may lack functions that nothing here needs of it, or only where a capability is declared."""
+
+    NEEDED = ("Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode",
+              "DoStep", "GetReal", "SetReal")  # fmt: skip
+
+    def _loadFunctions(self) -> None:
+        for name in dir(self):
+            if name.startswith("fmi2") and name[4:] not in self.NEEDED and not hasattr(self.dll, name):
+                setattr(self.dll, name, lambda *_: _ERROR)
+        super()._loadFunctions()
 
 
 class FmuParticipant(Blocks):
@@ -112,7 +125,7 @@ class FmuParticipant(Blocks):
         before = os.getcwd()
         try:
             where = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": self._folder}
-            fmu = FMU2Slave(guid=description.guid, requireFunctions=False, **where)
+            fmu = FMU2Sparse(guid=description.guid, requireFunctions=False, **where)
             fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
             why = " ".join((self._reason or str(error)).split())
