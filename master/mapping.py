@@ -2,10 +2,12 @@
 
 import itertools
 import re
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from fmpy import read_model_description
@@ -48,11 +50,13 @@ class Described(Blocks):
         if not Path(path).is_file():
             raise ValueError(f"there is no FMU {path}.")
         try:
-            description = read_model_description(str(path), validate=False)
+            version = _version(path)
+            description = read_model_description(str(path), validate=False) if version == "2.0" else None
         except Exception as error:
-            raise ValueError(f"{path} is not a readable FMU: {' '.join(str(error).split())}.") from error
-        if description.fmiVersion != "2.0" or description.coSimulation is None:
-            raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU; export it as one.")
+            raise ValueError(f"{path} is not a readable FMU: {' '.join(str(error).split()).rstrip('.')}.") from error
+        if description is None or description.coSimulation is None:
+            what = "not for co-simulation" if description is not None else f"of FMI {version}"
+            raise ValueError(f"{path} is {what}; export it as an FMI 2.0 co-simulation FMU.")
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.model, self.tool = description.modelName, description.generationTool
         self._variables = {variable.name: variable for variable in description.modelVariables}
@@ -156,6 +160,12 @@ class Described(Blocks):
     def _like(self, pattern: str) -> str:
         """Where to look when a pattern finds nothing: the patterns of the variables that there are."""
         return nearest(pattern, dict.fromkeys(re.sub(r"\d+", "#", v) for v in self._variables))
+
+
+def _version(path: str | Path) -> str | None:
+    """The version of FMI of an FMU, before its model description is read as that version has it."""
+    with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
+        return next(ElementTree.iterparse(file, ("start",)))[1].get("fmiVersion")
 
 
 class MappedParticipant(Blocks):

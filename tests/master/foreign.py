@@ -76,7 +76,7 @@ class Fluid(Fmi2Slave):
 """
 
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
-<fmiModelDescription fmiVersion="{version}" modelName="wheel" guid="wheel" generationTool="a text editor">
+<fmiModelDescription fmiVersion="2.0" modelName="wheel" guid="wheel" generationTool="a text editor">
   <CoSimulation modelIdentifier="wheel" canHandleVariableCommunicationStepSize="true"/>
   <ModelVariables>
     <ScalarVariable name="torque" valueReference="0" causality="input"><Real start="0"/></ScalarVariable>
@@ -87,7 +87,8 @@ DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
       <Real start="0" min="0"/></ScalarVariable>
     <ScalarVariable name="speed_0" valueReference="4" causality="parameter" variability="fixed">
       <Real start="0"/></ScalarVariable>
-    <ScalarVariable name="steps" valueReference="5" causality="output" variability="discrete"><Integer/></ScalarVariable>
+    <ScalarVariable name="steps" valueReference="5" causality="output" variability="discrete">
+      <Integer/></ScalarVariable>
     <ScalarVariable name="trouble" valueReference="6" causality="parameter" variability="fixed">
       <Integer start="0"/></ScalarVariable>
   </ModelVariables>
@@ -110,7 +111,7 @@ def python_fmu(name, source, folder, **options):
     return Path(made).rename(Path(folder) / f"{name}.fmu")
 
 
-def wheel_fmu(folder, version="2.0"):
+def wheel_fmu(folder):
     """The FMU of the wheel, compiled; the test is skipped where there is no C compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or not sys.platform.startswith("linux"):
@@ -119,6 +120,6 @@ def wheel_fmu(folder, version="2.0"):
     source = Path(__file__).with_name("wheel.c")
     subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-lm"], check=True, timeout=60)
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", DESCRIPTION.format(version=version))
+        archive.writestr("modelDescription.xml", DESCRIPTION)
         archive.write(library, "binaries/linux64/wheel.so")
     return path

@@ -1,4 +1,4 @@
-"""`kitecosim couple` on FMUs of other makers: a mass on springs, a load without memory, a wheel that never goes back."""
+"""`kitecosim couple` on FMUs of other makers: a mass on springs, a load without memory, a wheel without rollback."""
 
 import csv
 import json
