@@ -3,17 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from master.convergence import Test, Tolerance
+from master.convergence import Test
 from master.entries import Table, nearest, toml_content
-from master.exchange import Connection, Exchange, Interpolation, Order
+from master.exchange import Connection, Exchange
 from master.mapping import Described, Naming
-from master.march import PREDICTORS, require_rollback
-from master.schemes import SCHEMES, scheme
-
-MODES = ("transient", "steady")
-TRANSIENT_ONLY = {"time": ("stop",), "coupling": ("predictor", "strict", "interpolation")}
+from master.march import require_rollback
+from master.settings import Settings, settings_in
 
 
 @dataclass(frozen=True)
@@ -25,32 +22,6 @@ class Member:
     substeps: int = 1
     start: Mapping[str, Any] = field(default_factory=dict)
     names: Mapping[str, Naming] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the participants are solved together: see `march` and `fixed_point`. Times in s."""
-
-    mode: str = "transient"
-    start: float = 0.0
-    stop: float = 1.0
-    step: float = 1.0
-    scheme: str = "iqn-ils"
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    order: Order = "serial"
-    predictor: str = "linear"
-    interpolation: Interpolation = "linear"
-    rtol: Tolerance = 1e-6
-    atol: Tolerance = 0.0
-    residual_rtol: Tolerance = 0.0
-    max_iterations: int = 100
-    recoveries: int = 3
-    strict: bool = True
-
-    @property
-    def count(self) -> int:
-        """Communication steps from start to stop."""
-        return round((self.stop - self.start) / self.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +49,7 @@ class Document:
         """The document with a content as a TOML file gives it; paths of FMUs are relative to `folder`."""
         whole = Table(file, "", content)
         whole.require_only("time", "coupling", "participants", "connections", "results")
-        settings = _settings(whole)
+        settings = settings_in(whole)
         members, described = {}, {}
         listed = whole.table("participants")
         for name in listed.content:
@@ -130,65 +101,6 @@ class Document:
         ]
 
 
-def _settings(whole: Table) -> Settings:
-    time, coupling = whole.table("time"), whole.table("coupling")
-    time.require_only("mode", "start", "stop", "step")
-    coupling.require_only(
-        *("scheme", "parameters", "order", "predictor", "interpolation", "rtol", "atol", "residual_rtol"),
-        *("max_iterations", "recoveries", "strict"),
-    )
-    mode = time.text("mode", "transient", MODES)
-    if mode == "steady":
-        for table in (time, coupling):
-            for key in TRANSIENT_ONLY[table.name[1:-1]]:
-                if key in table.content:
-                    raise table.refused(
-                        key, 'does not go with mode = "steady", which has no end in time; leave it out.'
-                    )
-    start = time.number("start", 0.0)
-    step = time.number("step", 1.0 if mode == "steady" else None, positive=True)
-    stop = start if mode == "steady" else time.number("stop")
-    count = round((stop - start) / step)
-    if mode == "transient" and (count < 1 or abs(start + count * step - stop) > 1e-6 * step):
-        raise time.wrong(
-            f"from start = {start:g} to stop = {stop:g} is no whole number of steps of {step:g}; change one."
-        )
-    name = coupling.text("scheme", "iqn-ils", SCHEMES)
-    parameters = coupling.table("parameters")
-    try:
-        scheme(name, **parameters.content)
-    except (ValueError, TypeError) as error:
-        raise parameters.wrong(f"does not suit: {error}") from None
-    return Settings(
-        mode=mode,
-        start=start,
-        stop=stop,
-        step=step,
-        scheme=name,
-        parameters=parameters.content,
-        order="parallel" if coupling.text("order", "serial", get_args(Order)) == "parallel" else "serial",
-        predictor=coupling.text("predictor", "linear", PREDICTORS),
-        interpolation="constant"
-        if coupling.text("interpolation", "linear", get_args(Interpolation)) == "constant"
-        else "linear",
-        rtol=_tolerance(coupling, "rtol", 1e-6),
-        atol=_tolerance(coupling, "atol", 0.0),
-        residual_rtol=_tolerance(coupling, "residual_rtol", 0.0),
-        max_iterations=coupling.whole("max_iterations", 100),
-        recoveries=coupling.whole("recoveries", 3, least=0),
-        strict=coupling.boolean("strict", True),
-    )
-
-
-def _tolerance(coupling: Table, key: str, default: float) -> Tolerance:
-    """A number, or a table with a number for every field."""
-    value = coupling.content.get(key, default)
-    if isinstance(value, Mapping):
-        table = coupling.table(key)
-        return {field: table.number(field) for field in value}
-    return coupling.number(key, default)
-
-
 def _member(listed: Table, name: str, folder: Path) -> tuple[Member, Described]:
     table = listed.table(name)
     table.require_only("fmu", "memoryless", "substeps", "start", "blocks")
@@ -207,7 +119,10 @@ def _member(listed: Table, name: str, folder: Path) -> tuple[Member, Described]:
         if isinstance(value, Mapping):
             raise start.refused(block, "is a table; write names that contain a dot in quotes.")
         try:
-            described.raw(block, value)
+            if isinstance(value, str):
+                described.require_text(block)
+            else:
+                described.raw(block, value)
         except ValueError as error:
             raise start.refused(block, f"does not suit: {error}") from None
     member = Member(path, table.boolean("memoryless", False), table.whole("substeps", 1), start.content, names)

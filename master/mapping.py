@@ -75,7 +75,7 @@ class Described(Blocks):
     def unknown(self, block: str) -> str:
         """The sentence about a name that there is not."""
         if block in self._variables and self._variables[block].type == "String":
-            return f"{self.name} has '{block}' as a text, and only numbers are exchanged; leave it out."
+            return f"{self.name} has '{block}' as a text, and only numbers can be exchanged; leave it out."
         return f"{self.name} has no variable or block '{block}'; {nearest(block, self._names())}"
 
     def raw(self, block: str, values: Any) -> np.ndarray:
@@ -91,6 +91,16 @@ class Described(Blocks):
         if self._variables[self.scalars(block)[0]].type != "Real" and not np.array_equal(array, np.round(array)):
             raise ValueError(f"{self.name}: block {block!r} takes whole numbers.")
         return array
+
+    def require_text(self, name: str) -> None:
+        """ValueError in one sentence if a variable takes no text as its start value."""
+        variable = self._variables.get(name)
+        if variable is None or variable.type != "String":
+            known = [v.name for v in self._variables.values() if v.type == "String"]
+            what = "takes numbers" if name in self.blocks else "is not there"
+            raise ValueError(f"{self.name}: '{name}' {what}; texts go to: {', '.join(known) or 'none'}.")
+        if variable.causality not in ("input", "parameter"):
+            raise ValueError(f"{self.name}: '{name}' cannot be set, its causality is {variable.causality}.")
 
     def _names(self) -> list[str]:
         """All names that can be used, each once."""
@@ -181,10 +191,13 @@ class MappedParticipant(Blocks):
         described: Described | None = None,
     ) -> None:
         described = described or Described(path, names)
-        raw = {block: described.raw(block, values) for block, values in (start or {}).items()}
+        texts = {name: value for name, value in (start or {}).items() if isinstance(value, str)}
+        for name in texts:
+            described.require_text(name)
+        raw = {block: described.raw(block, value) for block, value in (start or {}).items() if block not in texts}
         named = {name: (block.variables, block.shape) for name, block in described.named.items()}
         self._factors = {name: block.factor for name, block in described.named.items() if block.factor != 1.0}
-        self.fmu = FmuParticipant(path, raw, start_time, stop_time, named)
+        self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts)
         self.name, self.blocks, self.limits = self.fmu.name, self.fmu.blocks, self.fmu.limits
         self.saves_state, self.serialises_state = self.fmu.saves_state, self.fmu.serialises_state
         self.step, self.save, self.restore, self.free = self.fmu.step, self.fmu.save, self.fmu.restore, self.fmu.free

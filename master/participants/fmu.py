@@ -11,7 +11,7 @@ import tempfile
 import weakref
 from collections import deque
 from collections.abc import Mapping, Sequence
-from ctypes import byref, c_byte, c_size_t, c_void_p
+from ctypes import byref, c_byte, c_char_p, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -62,9 +62,9 @@ class FMU2Sparse(FMU2Slave):  # fmpy tells the version of FMI by the first lette
 class FmuParticipant(Blocks):
     """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
 
-    `parameters` (block -> value) are start values of parameters and inputs. `named` makes blocks beside those of
-    `name[i,j]`: name -> (variables in row-major order, shape). What the FMU logs is kept, not printed: `messages` holds
-    the last (status, sentence) pairs.
+    `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
+    makes blocks beside those of `name[i,j]`: name -> (variables in row-major order, shape). What the FMU logs is kept,
+    not printed: `messages` holds the last (status, sentence) pairs.
     """
 
     def __init__(
@@ -74,6 +74,7 @@ class FmuParticipant(Blocks):
         start_time: float = 0.0,
         stop_time: float | None = None,
         named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]] | None = None,
+        texts: Mapping[str, str] | None = None,
     ) -> None:
         self.name = Path(path).name
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
@@ -90,6 +91,9 @@ class FmuParticipant(Blocks):
             for block, value in (parameters or {}).items():
                 self._put(block, self.checked(block, value, start=True))
             dll, defined = self._alive(), stop_time is not None
+            for name, text in (texts or {}).items():
+                reference, value = (c_uint * 1)(self._texts[name]), (c_char_p * 1)(text.encode())
+                self._require(dll.fmi2SetString, self._component, reference, 1, value)
             self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
             self._require(dll.fmi2EnterInitializationMode, self._component)
             self._require(dll.fmi2ExitInitializationMode, self._component)
@@ -110,6 +114,7 @@ class FmuParticipant(Blocks):
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
         variables = {variable.name: variable for variable in description.modelVariables}
+        self._texts = {name: v.valueReference for name, v in variables.items() if v.type == "String"}
         self._scalars = grouped(description.modelVariables)
         self._scalars |= {name: ([variables[v] for v in listed], shape) for name, (listed, shape) in named.items()}
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}

@@ -179,6 +179,10 @@ def summary(document: Document, result: "CoupleResult") -> dict[str, Any]:
                 "memoryless": member.memoryless,
                 "substeps": member.substeps,
                 "start": dict(member.start),
+                "blocks": {
+                    block: {"variables": named.variables, "factor": named.factor, "shape": named.shape}
+                    for block, named in document.described[name].named.items()
+                },
             }
             for name, member in document.participants.items()
         },

@@ -66,6 +66,8 @@ class Fluid(Fmi2Slave):
             self.register_variable(Real("load" + key, causality=C.output, getter=lambda key=key: self.load[key]))
 
     def exit_initialization_mode(self):
+        if self.table != "table.csv":
+            raise ValueError("there is no table " + self.table)
         for key in "xy":
             self.load[key.upper()] = 1e-3 * (self.offset - self.stiffness * self.pos[key])
 

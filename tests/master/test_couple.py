@@ -164,6 +164,14 @@ def test_a_steady_run_finds_where_the_wheel_comes_to_turn(with_wheel):
     assert result.time == result.evaluations * 1e3  # nothing was put back
 
 
+def test_texts_are_start_values_too_and_what_an_fmu_says_to_them_is_heard(foreign):
+    fluid = {"start": FLUID["start"] | {"table": "table.csv"}}
+    assert coupled(foreign, oscillator(fluid=fluid)).status == "converged"
+    fluid["start"]["table"] = "täble.csv"
+    with pytest.raises(RuntimeError, match=r"there is no table täble\.csv"):  # PythonFMU calls that fmi2Fatal
+        coupled(foreign, oscillator(fluid=fluid))
+
+
 def test_a_discarded_step_is_tried_again_and_reported(foreign, tmp_path):
     reference = coupled(foreign, oscillator()).values["wall.position"]
     fluid = {"start": FLUID["start"] | {"fail_at": 5}}

@@ -77,7 +77,10 @@ MISTAKES = [
     ({WALL + "/start/position": [1.0, 1.0]}, "block 'position' cannot be set, its causality is output."),
     ({FLUID + "/start/wallPos": {"x": 1.0}}, "[participants.fluid.start] wallPos is a table; write names that contain "
                                              "a dot in quotes."),
-    ({FLUID + "/start/table": "t.csv"}, "fluid.fmu has 'table' as a text, and only numbers are exchanged"),
+    ({FLUID + "/start/table": 1.0}, "fluid.fmu has 'table' as a text, and only numbers can be exchanged"),
+    ({FLUID + "/start/stiffness": "soft"}, "fluid.fmu: 'stiffness' takes numbers; texts go to: table."),
+    ({FLUID + "/start/tabel": "t.csv"}, "fluid.fmu: 'tabel' is not there; texts go to: table."),
+    ({"connections/0/from": "fluid.table"}, "fluid.fmu has 'table' as a text, and only numbers can be exchanged"),
     ({FLUID + "/start/fail_at": 0.5}, "block 'fail_at' takes whole numbers."),
     ({WALL + "/blocks/position": "p_#"}, "block 'position': no variable of wall.fmu matches 'p_#'; did you mean "),
     ({WALL + "/blocks/position": "Q_1"}, "wall.fmu has no variable or block 'Q_1'; did you mean q_1"),
