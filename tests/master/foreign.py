@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 WALL = """
-from pythonfmu import Fmi2Causality as C, Fmi2Slave, Fmi2Variability as V, Integer, Real
+from pythonfmu import Fmi2Causality as C, Fmi2Initial as Initial, Fmi2Slave, Fmi2Variability as V, Integer, Real
 
 class Wall(Fmi2Slave):
     def __init__(self, **kwargs):
@@ -26,7 +26,8 @@ class Wall(Fmi2Slave):
         for i in ("1", "2"):
             for name, causality in (("F", C.input), ("q", C.output), ("v", C.local), ("F_old", C.local)):
                 setattr(self, name + "_" + i, 0.0)
-                self.register_variable(Real(name + "_" + i, causality=causality))
+                exact = dict(initial=Initial.exact) if name == "v" else {}
+                self.register_variable(Real(name + "_" + i, causality=causality, **exact))
             setattr(self, "q0_" + i, 0.0)
             self.register_variable(Real("q0_" + i, causality=C.parameter, variability=V.fixed))
         self.register_variable(Integer("steps", causality=C.output))

@@ -164,6 +164,14 @@ def test_a_steady_run_finds_where_the_wheel_comes_to_turn(with_wheel):
     assert result.time == result.evaluations * 1e3  # nothing was put back
 
 
+def test_a_state_that_the_fmu_lets_one_start_is_a_start_value(foreign):
+    wall = {"start": {"stiffness": 1.0, "v": [2.0, -1.0]}, "blocks": WALL["blocks"] | {"v": "v_#"}}
+    content = oscillator(0.02, wall=wall, fluid={"start": {"stiffness": 3.0}})
+    position = coupled(foreign, content).values["wall.position"]
+    exact = np.array([1.0, -0.5]) * np.sin(2.0)
+    assert position == pytest.approx(exact, abs=2.0 * 0.02**2)  # of second order
+
+
 def test_texts_are_start_values_too_and_what_an_fmu_says_to_them_is_heard(foreign):
     fluid = {"start": FLUID["start"] | {"table": "table.csv"}}
     assert coupled(foreign, oscillator(fluid=fluid)).status == "converged"
