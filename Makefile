@@ -1,6 +1,6 @@
 # Each target makes .venv with the pinned versions when it is missing or out of date, then does its job.
 .DEFAULT_GOAL := help
-.PHONY: help install run test lint bench clean
+.PHONY: help install run test lint bench stress clean
 .DELETE_ON_ERROR:
 
 # The first Python that is new enough; make PYTHON=/path/to/python3.12 picks another.
@@ -39,6 +39,9 @@ lint: $(stamp) ## check style, format and types
 bench: $(stamp) ## measure accuracy and run time of every case; results/bench, then tables and figures of docs/
 	$(venv)/bin/python -m benchmarks run
 	$(venv)/bin/python -m benchmarks docs
+
+stress: $(stamp) ## try to break the coupling: random problems, and ten thousand communication steps
+	$(venv)/bin/python -m benchmarks run coupling.random coupling.gust
 
 clean: ## remove .venv, results, caches and build artefacts
 	rm -rf $(venv) results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -38,6 +38,14 @@ class Circulation:
     viscosity: float = 0.0
 
 
+def flow_angle(vn, vt):
+    """atan2(vn, vt) (n,) rad; of complex arguments whose imaginary parts are small, their first-order change too."""
+    alpha = np.arctan2(vn.real, vt.real)
+    if not np.iscomplexobj(vn):
+        return alpha
+    return alpha + 1j * (vt.real * vn.imag - vn.real * vt.imag) / (vn.real**2 + vt.real**2)
+
+
 @dataclass(frozen=True, eq=False)
 class SectionFlow:
     """Imbalance of Kutta-Joukowski and polar lift on n strips, and its exact Jacobian (Damiani et al. 2019).
@@ -58,6 +66,15 @@ class SectionFlow:
     from_middle: bool = False
     shift: np.ndarray | None = None
 
+    def with_viscosity(self, used):
+        """The flow with the artificial viscosity `used`, in units of (steepest loss of lift slope / 2 pi) (chord /
+        strip width); none for 0.
+        """
+        if not used:
+            return self
+        unit = self.polars.steepest_fall() / (2.0 * np.pi) * self.strips.chord / self.strips.width
+        return replace(self, viscosity=used * unit)
+
     def polar_angle(self, alpha):
         """Angles (n,) rad at which the polars are read: alpha, and the `shift` that a changed camber makes."""
         return alpha if self.shift is None else alpha + self.shift
@@ -72,7 +89,7 @@ class SectionFlow:
         speed = np.sqrt(np.einsum("ik,ik->i", across, across))
         vn = np.einsum("ik,ik->i", v, g.normal)
         vt = np.einsum("ik,ik->i", v, g.tangent)
-        alpha = np.arctan2(vn, vt)
+        alpha = flow_angle(vn, vt)
         cl, slope, outside = self.polars.lift(self.polar_angle(alpha))
         effective = speed if self.far_speed is None else speed**2 / self.far_speed
         f = gamma - 0.5 * g.chord * effective * cl
@@ -122,10 +139,8 @@ def solve(flow, start):
         gamma, more = _pseudo_time(flow, start, scale, STALLED)
         count += more
     if _relative(flow, gamma, scale) > ACCEPTED:
-        strips = flow.strips
-        unit = flow.polars.steepest_fall() / (2.0 * np.pi) * strips.chord / strips.width
         for used in VISCOSITIES:
-            flow = replace(flow, viscosity=used * unit)
+            flow = flow.with_viscosity(used)
             gamma, more = _pseudo_time(flow, start, scale, STALLED_VISCOUS)
             count += more
             if _relative(flow, gamma, scale) <= ACCEPTED:

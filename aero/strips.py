@@ -12,6 +12,15 @@ def unit(v):
     return v / np.sqrt(np.einsum("ik,ik->i", v, v))[:, None]
 
 
+def cross(a, b):
+    """a x b over the last axis; several times faster than numpy.cross on small arrays."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Strips:
     """Geometry of n strips between n + 1 sections, ordered along the span so that chord x span points to suction.
@@ -42,7 +51,7 @@ def control_fractions(width):
     if len(width) == 1:
         return np.array([0.5])
     ratio = width[:-1] / (width[:-1] + width[1:])
-    fraction = np.empty(len(width))
+    fraction = np.empty_like(width)
     fraction[0], fraction[-1] = ratio[0], ratio[-1]
     fraction[1:-1] = 0.25 * (ratio[:-1] + ratio[1:] + 1.0)
     return fraction
@@ -69,5 +78,5 @@ def strips_between(leading_edge, trailing_edge):
         width,
         unit(half_chord),
         span,
-        unit(np.cross(half_chord, span)),
+        unit(cross(half_chord, span)),
     )

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .strips import cross
+
 _MASS = np.array([[4, 2, 1, 2], [2, 4, 2, 1], [1, 2, 4, 2], [2, 1, 2, 4]]) / 36.0
 
 
@@ -85,9 +87,9 @@ def panel_geometry(corners, fractions):
     The centroid weighs the corners with int N_i dA over the bilinear panel, as the receiver shares the panel force.
     """
     d1, d2 = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-    area = 0.5 * np.cross(d1, d2)
+    area = 0.5 * cross(d1, d2)
     after = np.roll(corners, -1, axis=1) - corners
-    normals = np.cross(after, -np.roll(after, 1, axis=1))  # corner normals: bilinear panel's dA at its corners
+    normals = cross(after, -np.roll(after, 1, axis=1))  # corner normals: bilinear panel's dA at its corners
     area2 = np.einsum("pk,pk->p", area, area)
     shares = np.einsum("ij,pj->pi", _MASS, np.einsum("pjk,pk->pj", normals, area)) / area2[:, None]
     return PanelGeometry(
@@ -109,7 +111,7 @@ def two_panel_loads(force, moment, span, fore, aft, point=0.25):
     axis = span - (np.einsum("ik,ik->i", span, d) / d2)[:, None] * d
     axis /= np.sqrt(np.einsum("ik,ik->i", axis, axis))[:, None]
     turning = moment[:, None] * axis
-    g = np.cross(turning, d) / d2[:, None]
+    g = cross(turning, d) / d2[:, None]
     return ((1.0 - t) * force, t * force), (-g, g), fore.centroid + t * d, turning
 
 

@@ -5,10 +5,10 @@ from typing import Literal
 
 import numpy as np
 
-from .circulation import Circulation, SectionFlow, attached_start, solve
+from .circulation import Circulation, SectionFlow, attached_start, flow_angle, solve
 from .influence import CORE_FRACTION, control_influence, folded, wake_influence
 from .polars import StripPolars
-from .strips import Strips, strips_between, unit
+from .strips import Strips, cross, strips_between, unit
 from .surface_loads import PanelGeometry, SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
 
 
@@ -35,6 +35,22 @@ class WingLoads:
     def total_moment(self, about):
         """Moment on the wing (3,) N m about a point (3,) m."""
         return (np.cross(self.point - about, self.force) + self.moment).sum(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A wing in one shape and wind: `flow` through the strips `rows` that are solved for, of all `strips`.
+
+    `wake` (3,) is the direction of the wind, `extra_moment` (n,) the change of c_m by camber, if that counts.
+    """
+
+    nodes: np.ndarray
+    strips: Strips
+    flow: SectionFlow
+    wake: np.ndarray
+    rows: slice
+    symmetric: bool
+    extra_moment: np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +97,11 @@ class VortexStep:
 
         With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored.
         """
+        at = self.placed(nodes, wind, symmetric)
+        return self.loaded(at, self._solve(at.flow, None if start is None else start[at.rows]))
+
+    def placed(self, nodes, wind, symmetric=False):
+        """The strips and the flow to be solved for `nodes`, `wind` and `symmetric` as in `loads`."""
         sections = nodes[self.grid.sections]
         strips = strips_between(sections[:, 0], sections[:, -1])
         zero_lift, extra = self.grid.camber(sections, strips.normal) if self.camber else (None, None)
@@ -88,15 +109,19 @@ class VortexStep:
         wake = wind / np.linalg.norm(wind)
         n = len(strips.chord)
         rows = slice(n // 2, n) if symmetric else slice(0, n)
-        flow, part = self._flow(strips, wind, wake, rows, symmetric, zero_lift)
-        circulation = self._solve(flow, None if start is None else start[rows])
-        force, moment = self._section_loads(flow, circulation, strips, part, rows, symmetric, wake)
-        if extra is not None:
+        flow = self._flow(strips, wind, wake, rows, symmetric, zero_lift)
+        return _Placed(nodes, strips, flow, wake, rows, symmetric, extra)
+
+    def loaded(self, at, circulation):
+        """Loads on a `placed` wing with the `circulation` of the strips that are solved for."""
+        force, moment = self._section_loads(at, circulation)
+        if at.extra_moment is not None:
+            part = at.flow.strips
             q_area = 0.5 * self.density * circulation.speed**2 * part.chord * part.width
-            moment = moment + q_area * part.chord * extra[rows]
-        if symmetric:
-            circulation, force, moment = _whole(circulation, force, moment, n)
-        return self._on_surface(nodes, strips, force, moment, circulation)
+            moment = moment + q_area * part.chord * at.extra_moment[at.rows]
+        if at.symmetric:
+            circulation, force, moment = _whole(circulation, force, moment, len(at.strips.chord))
+        return self._on_surface(at.nodes, at.strips, force, moment, circulation)
 
     def _flow(self, strips, wind, wake, rows, symmetric, zero_lift=None):
         part = _part(strips, rows)
@@ -112,14 +137,15 @@ class VortexStep:
             far = np.sqrt(np.einsum("ik,ik->i", across, across))
         shift = None if zero_lift is None else -zero_lift[rows]
         polars = self.polars.of(rows)
-        return SectionFlow(influence, wind, part, polars, far_speed=far, from_middle=middle, shift=shift), part
+        return SectionFlow(influence, wind, part, polars, far_speed=far, from_middle=middle, shift=shift)
 
     @staticmethod
     def _solve(flow, start):
         return solve(flow, attached_start(flow) if start is None else start)
 
-    def _section_loads(self, flow, circulation, strips, part, rows, symmetric, wake):
+    def _section_loads(self, at, circulation):
         """Force (p,3) N and pitching moment (p,) N m of the solved strips."""
+        flow, part = at.flow, at.flow.strips
         cl, cd, cm = flow.polars.all(flow.polar_angle(circulation.alpha))
         q_area = 0.5 * self.density * circulation.speed**2 * part.chord * part.width
         moment = q_area * part.chord * cm
@@ -127,14 +153,14 @@ class VortexStep:
             return (q_area * cl)[:, None] * part.normal, moment
         alpha = circulation.alpha
         if self.direction == "bound" and self.induction:
-            wash = wake_influence(strips, wake, rows, self.core_fraction)
-            if symmetric:
+            wash = wake_influence(at.strips, at.wake, at.rows, self.core_fraction)
+            if at.symmetric:
                 wash = folded(wash, self.mirror)
             v = flow.free_stream + (wash @ circulation.gamma).T
-            alpha = np.arctan2(np.einsum("ik,ik->i", v, part.normal), np.einsum("ik,ik->i", v, part.tangent))
+            alpha = flow_angle(np.einsum("ik,ik->i", v, part.normal), np.einsum("ik,ik->i", v, part.tangent))
         along = np.cos(alpha)[:, None] * part.tangent + np.sin(alpha)[:, None] * part.normal
-        lift = unit(np.cross(along, part.span))
-        drag = np.cross(part.span, lift)
+        lift = unit(cross(along, part.span))
+        drag = cross(part.span, lift)
         return (q_area * cl)[:, None] * lift + (q_area * cd)[:, None] * drag, moment
 
     def _on_surface(self, nodes, strips, force, moment, circulation):
@@ -154,7 +180,7 @@ class VortexStep:
             shear = None
             sent = pressure[:, None] * panels.area
             arms = panels.centroid - np.tile(point, (k, 1))
-            force, turning = (v.reshape(k, n, 3).sum(axis=0) for v in (sent, np.cross(arms, sent)))
+            force, turning = (v.reshape(k, n, 3).sum(axis=0) for v in (sent, cross(arms, sent)))
         return WingLoads(pressure, shear, force, point, turning, circulation, strips)
 
 

@@ -3,7 +3,7 @@
 import itertools
 import math
 
-from master.acceleration import IQNILS, Aitken
+from master.acceleration import IQNILS, IQNIMVJ, Aitken
 
 from . import kratos
 from .reference_problems import REFERENCES, March, Reference
@@ -11,7 +11,7 @@ from .registry import Table
 from .text import lines, table
 
 # Title and factory of each scheme of ours: a fresh object with default settings for every problem.
-OURS = (("IQN-ILS", IQNILS), ("Aitken", Aitken))
+OURS = (("IQN-ILS", IQNILS), ("IQN-IMVJ", IQNIMVJ), ("Aitken", Aitken))
 
 # Settings tried of each accelerator of Kratos. Its defaults are 20, 1 and 0.125 for iqnils, 15 and 0.125 for mvqn.
 SETTINGS = {

@@ -16,6 +16,8 @@ SUBJECTS = (
     "v3_coupled_tables",
     "v3_range",
     "coupling_reference",
+    "coupling_schemes",
+    "coupling_stress",
     "typical_section",
     "saddle",
     "beams",

@@ -4,7 +4,7 @@ import ctypes
 import itertools
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from ctypes import c_double, c_int, c_uint
 from dataclasses import dataclass
 from types import TracebackType
@@ -35,6 +35,7 @@ class Blocks:
     name: str
     blocks: dict[str, tuple[int, ...]]
     limits: dict[str, Limits]
+    offers_derivatives: bool = False
 
     @property
     def causality(self) -> dict[str, str]:
@@ -69,6 +70,14 @@ class Blocks:
         if limits.maximum is not None and (array > limits.maximum).any():
             raise ValueError(f"{self.name}: block {block!r} must be at most {np.min(limits.maximum):g}.")
         return array
+
+    def directional_derivative(self, changes: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Derivative of the outputs of the last step along a direction in the inputs; no state is changed.
+
+        `changes` maps input blocks to directions of their shapes, the result output blocks to derivatives. Optional for
+        a participant: ValueError in one sentence where there is none, as for directions that do not fit.
+        """
+        raise ValueError(f"{self.name} gives no directional derivatives.")
 
     def __enter__(self) -> Self:
         return self

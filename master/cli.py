@@ -1,4 +1,4 @@
-"""Command line: `kitecosim run|build|scenes|couple`. What the commands do is in commands.py and couple_command.py."""
+"""Command line: `kitecosim run|build|compare|scenes|couple`; the work is in commands.py and couple_command.py."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,14 +27,19 @@ SetOption = Annotated[
 @app.command(short_help="Couple structure and flow of SCENE to equilibrium.")
 def run(
     scene: SceneArgument,
-    scheme: Annotated[str, typer.Option(help="explicit, relaxation, aitken or iqn-ils.")] = "iqn-ils",
+    scheme: Annotated[
+        str, typer.Option(help="explicit, relaxation, aitken, iqn-ils, iqn-imvj or newton-krylov (in-process only).")
+    ] = "iqn-ils",
+    order: Annotated[
+        str, typer.Option(help="serial: flow, then structure; parallel: both at once, loads are iterated too.")
+    ] = "serial",
     backend: Annotated[
         str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")
     ] = "fmu",
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/SCENE.")] = None,
     relaxation: Annotated[
-        float | None, typer.Option(help="Factor of relaxation; first factor of aitken and iqn-ils.")
+        float | None, typer.Option(help="Factor of relaxation; first factor of aitken and the quasi-Newton schemes.")
     ] = None,
     tolerance: Annotated[
         float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
@@ -43,15 +48,26 @@ def run(
     max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
     stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
     report: Annotated[bool, typer.Option(help="Write plots, VTK files and an HTML page too.")] = True,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="File that keeps where the run stands, so that it can go on after an end.")
+    ] = None,
+    checkpoint_every: Annotated[int, typer.Option(help="Coupling iterations from checkpoint to checkpoint.")] = 1,
+    restart: Annotated[
+        Path | None,
+        typer.Option(help="Go on from this checkpoint (of your own); other settings than then are allowed."),
+    ] = None,
+    live: Annotated[bool, typer.Option("--live", help="Plot the residual in the terminal while it runs.")] = False,
 ) -> None:
     """Couple structure and flow of SCENE to equilibrium; print a table, write results and a report.
 
     Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input.
     """
+    from master.checkpoint import Files
     from master.commands import run_scene
 
     choices = {
         "scheme": scheme,
+        "order": order,
         "backend": backend,
         "relaxation": relaxation,
         "tolerance": tolerance,
@@ -60,7 +76,8 @@ def run(
         "stability": stability,
         "report": report,
     }
-    _finish(lambda: run_scene(scene, choices, _assignments(set_), out))
+    files = Files(checkpoint, checkpoint_every, restart)
+    _finish(lambda: run_scene(scene, choices, _assignments(set_), out, files, live))
 
 
 @app.command(short_help="Build the structural and the aerodynamic FMU of SCENE.")
@@ -73,6 +90,79 @@ def build(
     from master.commands import build_scene
 
     _finish(lambda: build_scene(scene, _assignments(set_), out))
+
+
+@app.command(short_help="Compare coupling schemes on one or more scenes.")
+def compare(
+    scene: Annotated[
+        list[str], typer.Argument(help="Names of built-in scenes (see `kitecosim scenes`) or scene folders.")
+    ],
+    schemes: Annotated[
+        str | None, typer.Option(help="Schemes, parted by commas; without it all that there are.", metavar="NAME,NAME")
+    ] = None,
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SCHEME.NAME=VALUE,VALUE",
+            help="Values of a parameter of a scheme, as iqn-ils.omega0=0.1,0.35; without SCHEME of all that have it. "
+            "Repeatable; all combinations are solved.",
+        ),
+    ] = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE,VALUE",
+            help="Several values of a setting or parameter of the scenes, as wind_speed=8,12,20; vectors as "
+            "1,0,0;1,0,0.1. Repeatable; all combinations are solved.",
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="Setting or parameter of the scenes, as in run; of those that have it where there are several. "
+            "SCENE.NAME keeps it (or a sweep) to one. Repeatable.",
+        ),
+    ] = None,
+    backend: Annotated[
+        str, typer.Option(help="in-process: the solvers without FMUs; fmu: build and load the FMUs of every cell.")
+    ] = "in-process",
+    tolerance: Annotated[
+        float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
+    ] = 1e-5,
+    force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
+    max_iterations: Annotated[int, typer.Option(help="Most coupling iterations of a cell.")] = 200,
+    repeat: Annotated[int, typer.Option(help="Solve each cell so often; wall times are those of the median.")] = 1,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            help="Worker processes; without it one a core. 1: wall times that nothing disturbs. 0: no worker process."
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("results/compare"),
+    fresh: Annotated[bool, typer.Option("--fresh", help="Solve cells again that are finished in the folder.")] = False,
+) -> None:
+    """Solve every SCENE with every scheme; print tables, write them with plots and a page.
+
+    A cell is a scene with its settings and a scheme with its parameters. Finished cells are kept in the folder, so that
+    the same command goes on where it was interrupted. A scheme that does not converge is a result like any other.
+
+    Exit code: 0 all cells ran, whatever came out; 1 a cell crashed; 2 bad input; 130 interrupted.
+    """
+    from master.comparison.command import compare_scenes
+
+    options = {
+        "settings": _assignments(set_),
+        "backend": backend,
+        "tolerance": tolerance,
+        "force_tolerance": force_tolerance,
+        "max_iterations": max_iterations,
+        "repeat": repeat,
+        "jobs": jobs,
+        "fresh": fresh,
+    }
+    _finish(lambda: compare_scenes(scene, schemes, parameters or [], sweep or [], out, **options))
 
 
 @app.command(short_help="List scenes and what each one needs.")

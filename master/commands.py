@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from master import checkpoint
 from master.coupling import Coupling
 from master.participants import FmuParticipant
 from master.report import (
@@ -22,30 +23,50 @@ from master.report import (
     write_report,
     write_state,
 )
+from master.report.live import progress
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, coupled_run, summary
 from master.schemes import SCHEMES, scheme
 from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
+ORDERS = ("serial", "parallel")
+NO_FILES = checkpoint.Files()
 
 
-def run_scene(name: str, choices: dict[str, Any], assigned: dict[str, str], out: Path | None) -> int:
+def run_scene(
+    name: str,
+    choices: dict[str, Any],
+    assigned: dict[str, str],
+    out: Path | None,
+    files: checkpoint.Files = NO_FILES,
+    live: bool = False,
+) -> int:
     """Run a scene, print its table, write its files; the exit code."""
     _checked(choices)
+    if files.every < 1:
+        raise ValueError(f"--checkpoint-every must be at least 1, not {files.every}.")
     begin = time.perf_counter()
-    scene, given = _prepared(name, assigned)
+    scene, given = prepared(name, assigned)
     out = out or Path("results") / scene.name
-    _folder(out)
+    results_folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run
         (out / name).unlink(missing_ok=True)
     for side in ("structural", "aero"):
         (out / "fmus" / f"{scene.name}_{side}.fmu").unlink(missing_ok=True)
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
-    options["tie_tolerance"] = "solver_tolerance" not in given
-    with _pair(scene, choices["backend"], given, out) as coupling, _progress(choices["tolerance"]) as progress:
+    options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
+    about = {"scene": scene.name, "scene_settings": scene.settings, "parameters": _plain(given), **choices}
+    with pair(scene, choices["backend"], given, out) as coupling, progress(choices["tolerance"], live) as shown:
         ready = time.perf_counter()
-        run = coupled_run(coupling, _scheme(choices), choices["stability"], progress, **options)
-    run.remarks.extend(_hints(scene, given, run))
+        used = _scheme(choices, coupling)
+        remarks: list[str] = []
+        if files.restart is not None:
+            options["search"], remarks = checkpoint.restart(files.restart, coupling, used, about, assigned)
+        keeper = checkpoint.Keeper(files.checkpoint, files.every, coupling, used, about)
+        run = coupled_run(coupling, used, choices["stability"], shown, hold=keeper, **options)
+        if run.status in ("converged", "statically_unstable"):
+            keeper.end(run.result)
+    run.remarks.extend(remarks + _hints(scene, given, run))
     settings = {
         "scene": scene.name,
         **choices,
@@ -99,14 +120,14 @@ def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
     """Build the two FMUs of a scene; the exit code."""
     from fmus.builder import build
 
-    scene, given = _prepared(name, assigned)
-    _folder(out)
+    scene, given = prepared(name, assigned)
+    results_folder(out)
     for path in build(scene, out, given):
         print(path)
     return 0
 
 
-def _folder(out: Path) -> None:
+def results_folder(out: Path) -> None:
     """Make the folder for results; ValueError in one sentence if that cannot be."""
     if (out / "scene.toml").exists():
         raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
@@ -148,6 +169,10 @@ def _checked(choices: dict[str, Any]) -> None:
         raise ValueError(f"there is no scheme '{choices['scheme']}'; choose one of: {', '.join(SCHEMES)}.")
     if choices["backend"] not in BACKENDS:
         raise ValueError(f"there is no backend '{choices['backend']}'; choose one of: {', '.join(BACKENDS)}.")
+    if choices["order"] not in ORDERS:
+        raise ValueError(f"there is no order '{choices['order']}'; choose one of: {', '.join(ORDERS)}.")
+    if SCHEMES[choices["scheme"]].exact and choices["backend"] == "fmu":
+        raise ValueError(f"--scheme {choices['scheme']} takes directional derivatives; add --backend in-process.")
     for key in ("tolerance", "force_tolerance"):
         if not (np.isfinite(choices[key]) and choices[key] > 0.0):
             raise ValueError(f"--{key.replace('_', '-')} must be a number above zero, not {choices[key]}.")
@@ -160,12 +185,18 @@ def _checked(choices: dict[str, Any]) -> None:
         raise ValueError(f"--relaxation does not go with the {choices['scheme']} scheme; use --scheme relaxation.")
 
 
-def _scheme(choices: dict[str, Any]) -> Any:
+def _scheme(choices: dict[str, Any], coupling: Coupling) -> Any:
     name, factor = choices["scheme"], choices["relaxation"]
-    return scheme(name) if factor is None else scheme(name, **{SCHEMES[name].relaxation: factor})
+    given = {} if factor is None else {SCHEMES[name].relaxation: factor}
+    return scheme(name, coupling, choices["order"], **given)
 
 
-def _prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
+def _plain(given: dict[str, Any]) -> dict[str, Any]:
+    """Parameters as numbers and lists, to be compared and written."""
+    return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
+
+
+def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
     """The scene with its settings, and its parameters: the assigned ones, checked, and the trim angle if it has one."""
     import scenes
 
@@ -202,7 +233,7 @@ def _number(key: str, text: str, variable: Any) -> Any:
 
 
 @contextlib.contextmanager
-def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
+def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
     """The two participants of a scene, coupled; they are closed at the end."""
     with contextlib.ExitStack() as stack:
         if backend == "fmu":
@@ -213,17 +244,3 @@ def _pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> It
             yield Coupling(structural, flow[0] if flow else StillAir.beside(structural))
         else:
             yield Coupling.in_process(scene, parameters)
-
-
-@contextlib.contextmanager
-def _progress(tolerance: float) -> Iterator[Any]:
-    """A line that follows the coupling iterations on a terminal; nothing elsewhere."""
-    import sys
-
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status("coupling ...") as status:
-        yield lambda k, r: status.update(f"coupling iteration {k}: residual {r:.3e} m (tolerance {tolerance:.0e} m)")

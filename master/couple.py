@@ -115,7 +115,7 @@ class Run:
         s = self.document.settings
         return march(
             self.exchange,
-            None if s.scheme == "explicit" else scheme(s.scheme, **s.parameters),
+            None if s.scheme == "explicit" else scheme(s.scheme, self.exchange, s.order, **s.parameters),
             s.stop,
             s.order,
             s.predictor,
@@ -145,7 +145,7 @@ class Run:
             found = fixed_point(
                 lambda x: exchange.evaluate(x, s.order),
                 self.now.x,
-                scheme(s.scheme, **s.parameters),
+                scheme(s.scheme, self.exchange, s.order, **s.parameters),
                 s.atol,
                 s.rtol,
                 s.residual_rtol,

@@ -16,9 +16,9 @@ from master.still_air import StillAir
 # Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
 # solves than 1e-4 N turn quasi-Newton columns into noise, and below 1e-8 N rounding of the forces takes over.
 LOOSEST, TIGHTEST, PER_METRE = 1e-4, 1e-8, 1e-2
-# Residual of loads, in parts of the loads, that goes with the tolerance of the displacement where loads are iterated
-# too: 1e-5 m are about 1e-4 of the displacement of a kite's wing by more than rigid motion.
-LOADS = 1e-4
+# Residual of loads, in parts of the loads, that counts as converged where they are iterated too: with 1e3 N on a kite
+# about 1e-3 N, below the force tolerance.
+LOADS = 1e-6
 
 __all__ = ["CoupledResult", "CoupledStepFailed", "Coupling", "solve"]
 
@@ -133,7 +133,8 @@ class CoupledResult:
 class Search:
     """Where a coupled solve stands: what it needs, with the states of the participants, to go on.
 
-    `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given.
+    `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given; `best` are the states of
+    the participants at the best point, once, after a checkpoint was read.
     """
 
     order: Order
@@ -142,6 +143,7 @@ class Search:
     history: list[dict[str, float]] = field(default_factory=list)
     recoveries: list[Recovery] = field(default_factory=list)
     loop: Progress | None = None
+    best: dict[str, Any] | None = None
 
 
 def solve(
@@ -160,7 +162,7 @@ def solve(
 
     Converged means ||x_tilde - x||_2 <= `atol` m over all interface entries and an out-of-balance force of at most
     `force_tolerance` N with the flow evaluated again at the reported shape; where the first does not bring the second,
-    `atol` is tightened. In `order` "parallel" both solvers step at once, and each load has to repeat within 1e-4 too.
+    `atol` is tightened. In `order` "parallel" both solvers step at once, and loads have to repeat within 1e-6 too.
     The structural tolerance follows the residual (`tie_tolerance`), within limits that keep quasi-Newton columns clean.
     `progress(iteration, residual)` is called after every coupling iteration, `hold(search, warmth)` before it, with
     what a checkpoint needs; `search` from one continues there.
@@ -193,8 +195,8 @@ def solve(
     residual_N = float("nan")
     while True:
         done = len(history) if search.loop is None else len(history) - search.loop.evaluations
-        warmth = Warmth(coupling)
-        loop, search.loop = search.loop, None
+        warmth = Warmth(coupling, search.best)
+        loop, search.loop, search.best = search.loop, None, None
         now = search  # for the closure
 
         def held(p: Progress, warmth: Warmth = warmth, now: Search = now) -> None:

@@ -10,6 +10,7 @@ from master.entries import Table, nearest, toml_content
 from master.exchange import Connection, Exchange
 from master.mapping import Described, Naming
 from master.march import require_rollback
+from master.schemes import scheme
 from master.settings import Settings, settings_in
 
 
@@ -63,6 +64,7 @@ class Document:
             exchange = document.exchange(described)
             if settings.mode == "transient" and settings.scheme != "explicit":
                 require_rollback(exchange)
+            scheme(settings.scheme, exchange, settings.order, **settings.parameters)
             fields = list(exchange.fields(settings.order))
             if fields or settings.mode == "transient":
                 Test(fields, settings.atol, settings.rtol, settings.residual_rtol)

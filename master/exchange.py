@@ -176,11 +176,17 @@ class Exchange:
                 for c in self._inputs[name]
             }
             start = time.perf_counter()
-            answers = offered(changes)
+            answers = participant.directional_derivative(changes)  # type: ignore[attr-defined]
             self.seconds[name] += time.perf_counter() - start
             self.products += 1
             sent |= {c.field: answers[c.output] for c in self.connections if c.source == name}
         return self._collected(fields, sent)
+
+    def require_derivatives(self) -> None:
+        """ValueError in one sentence if a participant offers no directional derivatives."""
+        for name, participant in self.participants.items():
+            if not getattr(participant, "offers_derivatives", False):
+                raise ValueError(f"{self.described(name)} offers no directional derivatives, solvers in-process do.")
 
     def _step(self, participant: Participant, name: str, inputs: dict[Connection, np.ndarray]) -> None:
         count = int(self.substeps[name])
@@ -219,9 +225,13 @@ class Exchange:
 
     # States: of the beginning of a communication step (`open`, `rewind`, `close_step`), or of the best point (Anchor)
 
+    def saving(self) -> set[str]:
+        """The participants that can save their state."""
+        return {n for n, p in self.participants.items() if getattr(p, "saves_state", True)}
+
     def saved(self) -> dict[str, Any]:
         """The states of all participants that can save one."""
-        return {n: p.save() for n, p in self.participants.items() if getattr(p, "saves_state", True)}
+        return {n: self.participants[n].save() for n in self.participants if n in self.saving()}
 
     def put_back(self, states: Mapping[str, Any]) -> None:
         """Return the participants to `states`; CoupledStepFailed if one cannot."""
@@ -265,21 +275,21 @@ class Exchange:
 class Warmth:
     """Anchor of a coupling loop: the states of the participants at the best point so far, and their time."""
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: Exchange, states: dict[str, Any] | None = None) -> None:
         self._exchange = exchange
-        self._states, self._time = exchange.saved(), exchange.time
+        self.states, self._time = exchange.saved() if states is None else states, exchange.time
 
     def mark(self) -> None:
         """See Anchor."""
-        self._exchange.freed(self._states)
-        self._states, self._time = self._exchange.saved(), self._exchange.time
+        self._exchange.freed(self.states)
+        self.states, self._time = self._exchange.saved(), self._exchange.time
 
     def restore(self) -> None:
         """See Anchor."""
-        self._exchange.put_back(self._states)
+        self._exchange.put_back(self.states)
         self._exchange.time = self._time
 
     def close(self) -> None:
         """Free the states."""
         with contextlib.suppress(ValueError, RuntimeError):  # of a participant that has ended
-            self._exchange.freed(self._states)
+            self._exchange.freed(self.states)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,7 @@ def coupled_run(
     for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
         blocks[label] = {b: participant.get(b) for b in participant.blocks}
         causality[label] = dict(participant.causality)
-    remarks = _remarks(blocks) + _stability_remarks(judged)
+    remarks = _remarks(blocks) + _stability_remarks(judged) + [f"recovered {r}" for r in result.recoveries]
     return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
 
 
@@ -125,6 +125,7 @@ def summary(run: Run, settings: dict[str, Any]) -> dict[str, Any]:
             "evaluations": judged.evaluations,
             "symmetric_motions_only": judged.symmetric_only,
         },
+        "recoveries": [asdict(r) for r in result.recoveries],
         "remarks": run.remarks,
         "solver_calls": {"structural": run.evaluations, "aero": run.evaluations},
         "wall_time_s": {

@@ -4,10 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation, Scheme
+from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation, NewtonKrylov, Scheme
+from master.exchange import Exchange, Order
 
-# First relaxation of IQN-ILS: the best factor for one eigenvalue lambda of the coupled map is 1 / (1 - lambda), 0.7 at
-# lambda = -0.5 (the V3 kite at 12 m/s) and 0.15 at -6 (its design chord at 20 m/s); one in between serves both.
+# First relaxation of quasi-Newton schemes: the best factor for one eigenvalue lambda of the coupled map is
+# 1 / (1 - lambda), 0.7 at lambda = -0.5 (the V3 kite at 12 m/s) and 0.15 at -6 (its design chord at 20 m/s); one in
+# between serves both.
 FIRST_RELAXATION = 0.35
 
 
@@ -16,13 +18,14 @@ class Kind:
     """A kind of scheme: how to make one, its parameters with their defaults, and a line about it.
 
     `relaxation` names the parameter that is a factor of relaxation (of the first update, where the others follow), ""
-    where there is none.
+    where there is none; `exact` kinds need the product G' v of the coupled map.
     """
 
     make: Callable[..., Scheme]
     parameters: Mapping[str, Any]
     relaxation: str
     description: str
+    exact: bool = False
 
     def __call__(self, **parameters: Any) -> Scheme:
         """A fresh scheme object with `parameters` in place of the defaults."""
@@ -35,18 +38,31 @@ SCHEMES: dict[str, Kind] = {
     "aitken": Kind(Aitken, {"omega": 0.5, "omega_max": 1.0}, "omega", "relaxation by the last two residuals"),
     "iqn-ils": Kind(
         IQNILS,
-        {"omega0": FIRST_RELAXATION, "reuse": 10, "filter": 1e-8, "stale": 1e-4, "max_columns": 100},
+        {"omega0": FIRST_RELAXATION, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 1e-4, "max_columns": 100},
         "omega0",
         "quasi-Newton with an inverse Jacobian from least squares",
+    ),
+    "iqn-imvj": Kind(
+        IQNIMVJ,
+        {"omega0": FIRST_RELAXATION, "filter": 1e-8, "curved": 0.03, "max_columns": 200},
+        "omega0",
+        "quasi-Newton that corrects the inverse Jacobian of the step before",
+    ),
+    "newton-krylov": Kind(
+        NewtonKrylov,
+        {"eta": 0.01, "directions": 60},
+        "",
+        "Newton with directional derivatives, solvers in-process only",
+        exact=True,
     ),
 }
 
 
-def scheme(name: str, **parameters: Any) -> Scheme:
+def scheme(name: str, exchange: Exchange | None = None, order: Order = "serial", **parameters: Any) -> Scheme:
     """A fresh scheme object by name, with `parameters` in place of the defaults of its kind.
 
-    ValueError in one sentence for a name that does not exist, a parameter that the kind does not have, and a value that
-    it refuses.
+    Newton-Krylov takes its products from `exchange`. ValueError in one sentence for a name that does not exist, a
+    parameter that the kind does not have, a value that it refuses, and participants without directional derivatives.
     """
     kind = SCHEMES.get(name)
     if kind is None:
@@ -55,4 +71,9 @@ def scheme(name: str, **parameters: Any) -> Scheme:
     if unknown:
         has = f"it has: {', '.join(kind.parameters)}" if kind.parameters else "it has none"
         raise ValueError(f"scheme {name} has no parameter '{unknown[0]}'; {has}.")
-    return kind(**parameters)
+    if not kind.exact:
+        return kind(**parameters)
+    if exchange is None:
+        raise ValueError(f"scheme {name} needs the participants, whose directional derivatives it takes.")
+    exchange.require_derivatives()
+    return kind(product=lambda v: exchange.derivative(v, order), **parameters)

@@ -67,7 +67,8 @@ def settings_in(whole: Table) -> Settings:
     name = coupling.text("scheme", "iqn-ils", SCHEMES)
     parameters = coupling.table("parameters")
     try:
-        scheme(name, **parameters.content)
+        if not SCHEMES[name].exact:  # those need the participants
+            scheme(name, **parameters.content)
     except (ValueError, TypeError) as error:
         raise parameters.wrong(f"does not suit: {error}") from None
     return Settings(

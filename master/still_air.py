@@ -9,6 +9,8 @@ import numpy as np
 class StillAir:
     """A participant that takes displacements and gives zero for the `loads` (block -> shape) that a structure needs."""
 
+    offers_derivatives = True
+
     def __init__(self, displacement: tuple[int, ...], loads: Mapping[str, tuple[int, ...]]) -> None:
         self.blocks: dict[str, tuple[int, ...]] = {"displacement": displacement, **loads}
         self.causality = {"displacement": "input"} | dict.fromkeys(loads, "output")

@@ -1,14 +1,16 @@
 """The aerodynamic solver of a scene behind blocks: interface displacements in, pressures and shears out."""
 
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from aero import SurfaceGrid, VortexStep, line_loads
+from aero import SurfaceGrid, VortexStep, WingSensitivity, line_loads, line_loads_derivative
+from structural import mirror_permutation
 
 from .core import Core
 from .interface import rotated
+from .symmetry import symmetrised
 from .variables import StepFailed, Variable
 
 # Difference of mirrored points, m, that still counts as symmetric: what a half structure leaves by rounding.
@@ -18,7 +20,7 @@ LOPSIDED = 1e-9
 class AeroCore(Core):
     """Quasi-steady loads of a scene's wing in a uniform wind, warm-started from step to step."""
 
-    _hidden = ("_gamma", "_fresh", "_looked")
+    _hidden = ("_gamma", "_fresh", "_solved", "_looked")
 
     def __init__(self, scene):
         content = scene.content["aero"]
@@ -34,7 +36,6 @@ class AeroCore(Core):
             camber=scene.settings.get("camber_feedback", "off") == "on",
         )
         self._gamma = None
-        self._fresh = True  # no step yet
         self._looked = False  # the present values have been tried without a step
         self._stall = self._wing.polars.stall_angles()
         self._mirrored_polars = self._wing.polars.mirrored()
@@ -144,11 +145,55 @@ class AeroCore(Core):
         finally:
             self._fresh = False
 
-    def _solve(self) -> None:
-        nodes = self._interface.nodes + self._values["displacement"]
+    def directional_derivative(self, changes):
+        """Derivative of the loads along a direction in the displacement, on the shape of the last step.
+
+        `changes` is {"displacement": direction (n,3) m}; returns {"pressure": (m,) Pa, "shear": (m,3) Pa, "line_load":
+        (k,3) N/m}, those that the scene has. Exact to rounding: the circulation follows by the implicit function
+        theorem, all else by complex steps (`aero.WingSensitivity`); artificial viscosity counts where the loads
+        contain it. Where one half is solved, a direction is first made mirror-symmetric, because nothing else exists
+        for the half. It changes no state. ValueError in one sentence for directions that do not fit, and where the
+        present values have not been solved or their solution is a fold, which has no derivative.
+        """
+        change = self._directions(changes).get("displacement", np.zeros_like(self._interface.nodes))
+        nodes, direction, speed = self._present()
+        symmetric = bool(self._values["symmetry_used"])
+        if symmetric:
+            change = self._symmetric_part(change)
+        if self._linearised is None:
+            wing, viscosity = self._wing.in_air(self._scalar("air_density")), self._scalar("stall_viscosity")
+            at = nodes, speed * direction, self._gamma
+            try:
+                self._linearised = WingSensitivity(wing, *at, viscosity, symmetric)
+            except np.linalg.LinAlgError:
+                raise ValueError("the circulation is at a fold of its solutions, where it has no derivative.") from None
+        pressure, shear = self._linearised(change)
+        out = {"pressure": pressure} | ({} if shear is None else {"shear": shear})
+        if len(lines := self._interface.lines):
+            out["line_load"] = line_loads_derivative(nodes[lines], change[lines], *self._line_air(speed * direction))
+        return out
+
+    def _symmetric_part(self, change):
+        """The mirror-symmetric part of a direction (n,3); of the wing alone where the lines have no mirror image."""
+        if self._image is not None:
+            return symmetrised(change, self._image)
+        change, sections = change.copy(), self._interface.sections
+        change[sections] = symmetrised(change[sections], np.arange(len(sections))[::-1])
+        return change
+
+    @cached_property
+    def _image(self):
+        return mirror_permutation(self._interface.nodes)
+
+    def _present(self):
+        """Nodes (n,3) m of the displaced interface, direction (3,) of the wind, its speed m/s."""
         direction = self._values["wind_direction"]
-        direction = direction / np.linalg.norm(direction)
-        speed = self._scalar("wind_speed")
+        nodes = self._interface.nodes + self._values["displacement"]
+        return nodes, direction / np.linalg.norm(direction), self._scalar("wind_speed")
+
+    def _solve(self) -> None:
+        self._unsolved()
+        nodes, direction, speed = self._present()
         symmetric = bool(self._values["symmetric"]) and direction[1] == 0.0 and self._mirrored_polars
         symmetric = symmetric and self._symmetric_shape(nodes)
         wing = self._wing.in_air(self._scalar("air_density"))
@@ -166,7 +211,7 @@ class AeroCore(Core):
             )
         self._gamma = loads.circulation.gamma
         self._show(nodes, direction, speed, loads, symmetric)
-        self._stale = False
+        self._stale, self._solved = False, True
 
     def _symmetric_shape(self, nodes):
         grid = nodes[self._interface.sections]
@@ -213,13 +258,17 @@ class AeroCore(Core):
         if not len(self._interface.lines):
             return np.zeros(3)
         ends = nodes[self._interface.lines]
-        coefficients = self._scalar("line_normal_drag"), self._scalar("line_friction")
-        load = line_loads(ends, self._interface.diameter, wind, self._scalar("air_density"), *coefficients)
+        load = line_loads(ends, *self._line_air(wind))
         force = load * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
         self._put("line_load", load)
         self._put("line_force", force.sum(axis=0))
         self._put("line_moment", np.cross(ends.mean(axis=1) - self._about, force).sum(axis=0))
         return force.sum(axis=0)
+
+    def _line_air(self, wind):
+        """What `line_loads` needs besides the ends of the lines."""
+        air = (self._scalar(k) for k in ("air_density", "line_normal_drag", "line_friction"))
+        return self._interface.diameter, wind, *air
 
     def _mid_span_angle(self, nodes, direction):
         """Angle of the chord at the middle of the span (mean of the middle sections) to the wind, rad."""

@@ -1,5 +1,6 @@
 """What both solver cores share: blocks of values with checks, stored outputs, complete state."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,11 @@ class Core:
     """Values of a core's variables and the rules for setting them; subclasses add `step`.
 
     The state is everything that later steps depend on: all values and what subclasses name in `_hidden`. Caches that
-    follow from these are not part of it.
+    follow from these are not part of it. `_inert` names parameters that no solution depends on.
     """
 
     _hidden: tuple[str, ...] = ()
+    _inert: tuple[str, ...] = ()
 
     def __init__(self, scene: str, variables: tuple[Variable, ...]):
         self.variables = variables
@@ -23,6 +25,9 @@ class Core:
         self._outputs = {v.name for v in variables if v.causality == "output"}
         self._values = {v.name: np.array(np.broadcast_to(v.start, v.shape), dtype=float) for v in variables}
         self._stale = True
+        self._fresh = True  # no step yet
+        self._solved = False  # outputs belong to the present values
+        self._linearised: Any = None  # then, as soon as a derivative is asked for
         for v in variables:
             start = self._values[v.name]
             low, high = -np.inf if v.minimum is None else v.minimum, np.inf if v.maximum is None else v.maximum
@@ -66,6 +71,8 @@ class Core:
         if not np.array_equal(array, self._values[block]):
             self._values[block] = array
             self._stale = True
+            if block not in self._inert:
+                self._unsolved()
             if variable.causality == "parameter":
                 self._parameter_changed(block)
 
@@ -87,7 +94,31 @@ class Core:
         for key, value in state["hidden"].items():
             setattr(self, key, _copy(value))
         self._stale = state["stale"]
+        self._linearised = None
         self._restored()
+
+    def _directions(self, changes: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """The directions `changes` of interface inputs (block -> values) as arrays; ValueError in one sentence for
+        those that do not fit, and where the last step has not solved the present values.
+        """
+        if self._fresh or not self._solved:
+            why = "no step has been made yet" if self._fresh else "values have changed since, or the last step failed"
+            raise ValueError(f"there is no solved state to take a derivative at: {why}.")
+        inputs = {v.name: v.shape for v in self.variables if v.causality == "input"}
+        directions = {}
+        for block, values in changes.items():
+            if block not in inputs:
+                raise ValueError(f"there is no interface input '{block}'; there are: {', '.join(inputs)}.")
+            try:
+                array = np.array(values, dtype=float)
+            except (TypeError, ValueError, OverflowError):
+                raise ValueError(f"the direction of {block} must be numeric, not {str(values)[:40]!r}.") from None
+            if array.shape != inputs[block]:
+                raise ValueError(f"the direction of {block} has shape {inputs[block]}, not {array.shape}.")
+            if not np.all(np.isfinite(array)):
+                raise ValueError(f"the direction of {block} must be finite; it contains NaN or infinity.")
+            directions[block] = array
+        return directions
 
     def _check(self, block: str, array: np.ndarray) -> None:
         """Raise ValueError for values that only the subclass can judge."""
@@ -97,6 +128,10 @@ class Core:
 
     def _restored(self) -> None:
         """Drop what was derived from values that have just been replaced."""
+
+    def _unsolved(self) -> None:
+        """Note that the outputs no longer belong to the present values."""
+        self._solved, self._linearised = False, None
 
     def _put(self, block: str, values: Any) -> None:
         self._values[block] = np.array(np.broadcast_to(values, self._by_name[block].shape), dtype=float)

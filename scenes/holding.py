@@ -41,3 +41,11 @@ def holding_reactions(free, residual, x, place, about):
     turn = float(residual[index[3 * (len(x) + frame) + 2]])
     arm = x[node] - about
     return force, np.array([-arm[2] * force, 0.0, arm[0] * force + turn])
+
+
+def held_moment(free, residual, place, rotations):
+    """Moments (r,3) N m about fixed axes on the frames that hold the `place`: of the assembly `free` as above."""
+    _, frame = place
+    moment = np.zeros((len(rotations), 3))
+    moment[frame, 2] = residual[free.unknowns.index[len(free.unknowns.base) + 3 * frame + 2]]
+    return moment

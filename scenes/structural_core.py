@@ -8,6 +8,7 @@ import numpy as np
 from structural import (
     Assembly,
     Loads,
+    LoadSensitivity,
     Structure,
     equilibrium,
     line_load_forces,
@@ -18,12 +19,12 @@ from structural import (
 
 from .checks import symmetric_chains
 from .core import Core
-from .holding import held_place, held_structure, holding_reactions
+from .holding import held_moment, held_place, held_structure, holding_reactions
 from .interface import rotated
 from .members import with_rest_lengths
 from .point_loads import read_loads
 from .structural_variables import structural_variables
-from .symmetry import mirror_images, symmetric_state
+from .symmetry import mirror_images, symmetric_state, symmetrised
 from .tables import SceneError
 from .tube_sections import tube_beams, tube_state
 from .variables import StepFailed
@@ -35,7 +36,8 @@ EASED = 1e9
 class StructuralCore(Core):
     """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
 
-    _hidden = ("_x", "_fresh", "_rotations")
+    _hidden = ("_x", "_fresh", "_solved", "_rotations")
+    _inert = ("solver_tolerance",)
 
     def __init__(self, scene):
         self._scene = scene
@@ -51,7 +53,6 @@ class StructuralCore(Core):
         starts = {tape: float(self._rest[0][self._tape_rows(tape)[0]]) for tape in self._tapes}
         super().__init__(scene.name, tuple(structural_variables(scene, self._loads, starts, self._mirror is not None)))
         self._x, self._rotations = self._start()
-        self._fresh = True
         self._show_shape()
 
     @cached_property
@@ -150,6 +151,18 @@ class StructuralCore(Core):
     def _mirrored_supports(self):
         return self._mirror is not None and np.array_equal(self._members.fixed, self._members.fixed[self._mirror])
 
+    def _present_loads(self):
+        """The loads of the interface, weights and loads on nodes with their present values."""
+        mass = self._members.mass_with(self._scalar("wing_mass") if "wing_mass" in self._values else 0.0)
+        weight = mass[:, None] * np.array([0.0, 0.0, -self._scalar("gravity")])
+        for name, rows in self._loads.items():
+            for node, direction in rows:
+                weight[node] += self._scalar(name) * direction
+        return Loads(self._values["pressure"], self._values.get("shear"), weight, self._values.get("line_load"))
+
+    def _is_held(self):
+        return "hold_roll_and_yaw" in self._values and bool(self._values["hold_roll_and_yaw"])
+
     def _assembly(self, symmetric, held):
         assembly = self._assemblies.get((symmetric, held))
         if assembly is None:
@@ -173,18 +186,12 @@ class StructuralCore(Core):
         if not self._stale:
             self._put("imbalance_before_step", self._values["residual"])
             return
+        self._unsolved()
         chains, mirrored = self._present_chains()
-        shear = self._values.get("shear")
-        wing_mass = self._scalar("wing_mass") if "wing_mass" in self._values else 0.0
-        weight = self._members.mass_with(wing_mass)[:, None] * np.array([0.0, 0.0, -self._scalar("gravity")])
-        for name, rows in self._loads.items():
-            for node, direction in rows:
-                weight[node] += self._scalar(name) * direction
-        loads = Loads(self._values["pressure"], shear, weight, self._values.get("line_load"))
+        loads, held = self._present_loads(), self._is_held()
         symmetric = (
             bool(self._values["symmetric"]) and mirrored and symmetric_state(loads, self._x, self._mirror, self._images)
         )
-        held = "hold_roll_and_yaw" in self._values and bool(self._values["hold_roll_and_yaw"])
         assembly = self._assembly(symmetric, held)
         tolerance = self._scalar("solver_tolerance")
         beams = self._present_beams()
@@ -203,7 +210,37 @@ class StructuralCore(Core):
         self._show(result, chains, loads, symmetric)
         if "holding_moment" in self._values:
             self._show_holding(chains, loads, held)
-        self._stale = False
+        self._stale, self._solved = False, True
+
+    def directional_derivative(self, changes):
+        """Derivative of the displacement along a direction in the loads, at the equilibrium of the last step.
+
+        `changes` maps any of "pressure" (m,) Pa, "shear" (m,3) Pa and "line_load" (k,3) N/m to directions; returns
+        {"displacement": (n,3) m}. K dX = H^T df and dx = H dX with the consistent tangent K of elements and follower
+        loads (`structural.LoadSensitivity`), factorised once for a state. Where one half is solved, a direction is
+        first made mirror-symmetric, because nothing else exists for the half. It changes no state. ValueError in one
+        sentence for directions that do not fit, and where the present values have not been solved.
+        """
+        changes = self._directions(changes)
+        symmetric = bool(self._values["symmetry_used"])
+        if symmetric:
+            panels, lines = self._images
+            changes = {k: symmetrised(v, lines if k == "line_load" else panels) for k, v in changes.items()}
+        if self._linearised is None:
+            self._linearised = self._linearisation(symmetric)
+        change = Loads(
+            changes.get("pressure", np.zeros(len(self._interface.panels))),
+            changes.get("shear"),
+            np.zeros_like(self._x),
+            changes.get("line_load"),
+        )
+        return {"displacement": self._interface.weights @ self._linearised(change)}
+
+    def _linearisation(self, symmetric):
+        (chains, _), loads, held = self._present_chains(), self._present_loads(), self._is_held()
+        reaction = held_moment(*self._free_residual(chains, loads), self._held, self._rotations) if held else None
+        at = self._x, self._present_beams(), self._rotations
+        return LoadSensitivity(self._assembly(symmetric, held), chains, loads, *at, reaction)
 
     def _eased(self, assembly, chains, loads, beams):
         """Positions and rotations to start the first solve from: the equilibrium with softened lines.
@@ -231,13 +268,17 @@ class StructuralCore(Core):
         """Reactions of the held node and frame: what the free structure is out of balance by."""
         force, moment = 0.0, np.zeros(3)
         if held:
-            free = self._assembly(False, False)
-            prepared = free.prepare(chains, loads, self._present_beams())
-            r, _ = free.residual(free.unknowns.restrict(self._x), prepared, self._rotations)
+            free, r = self._free_residual(chains, loads)
             about = np.zeros(3) if self._pivot is None else self._members.nodes[self._pivot]
             force, moment = holding_reactions(free, r, self._x, self._held, about)
         self._put("holding_force", force)
         self._put("holding_moment", moment)
+
+    def _free_residual(self, chains, loads):
+        """The assembly without the hold, and what it is out of balance by (q,)."""
+        free = self._assembly(False, False)
+        prepared = free.prepare(chains, loads, self._present_beams())
+        return free, free.residual(free.unknowns.restrict(self._x), prepared, self._rotations)[0]
 
     @cached_property
     def _images(self):

@@ -4,6 +4,7 @@ from .assembly import Assembly
 from .beams import Beams, natural_deformations, reference_axes, section_forces
 from .chains import Chains, tensions
 from .sections import LinearSection
+from .sensitivity import LoadSensitivity
 from .statics import Equilibrium, equilibrium
 from .structure import Loads, Structure, canonical_chains, canonical_panels, mirror_permutation, mirror_rows
 from .surface import (
@@ -22,6 +23,7 @@ __all__ = [
     "Chains",
     "Equilibrium",
     "LinearSection",
+    "LoadSensitivity",
     "Loads",
     "Structure",
     "area_vectors",

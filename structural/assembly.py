@@ -67,9 +67,7 @@ def _couplings(structure, mirror):
 
 @dataclass(frozen=True, eq=False)
 class _Scatter:
-    """Where the values of element blocks go: targets in `data` or in the residual, with signs; pads go to a last
-    bin.
-    """
+    """Where the values of element blocks go: targets in `data` or the residual, with signs; pads go to a last bin."""
 
     target: np.ndarray
     sign: np.ndarray
@@ -80,8 +78,8 @@ class _Scatter:
 
 
 def _pattern(rows, columns, n):
-    """Keys column * n + row of the distinct entries inside an (n,n) matrix, rising, and the place of every entry in
-    them (their number for those outside, which have a negative index).
+    """Keys column * n + row of the distinct entries inside (n,n), rising, and the place of every entry in them; their
+    number for entries outside, which have a negative index.
     """
     inside = (rows >= 0) & (columns >= 0)
     key = np.where(inside, columns * n + rows, n * n)
@@ -195,6 +193,11 @@ class Assembly:
         Without `beams` those of the structure.
         """
         beams = self.structure.beams if beams is None else beams
+        elements = self._parts(chains, self._rows), self._parts(beams, self._beam_rows)
+        return elements, *self._seen(loads)
+
+    def _seen(self, loads):
+        """Loads on the panels and lines that are solved for, dead forces (w,), and the skew stiffness of moments."""
         panels, lines = self._panels[0], self._lines[0]
         shear = None if loads.shear is None else loads.shear[panels]
         on_lines = np.zeros((len(lines), 3)) if loads.line_load is None else loads.line_load[lines]
@@ -202,8 +205,7 @@ class Assembly:
         if loads.moment is not None:
             dead = dead + self._wide.gather(np.concatenate([0.0 * loads.dead, loads.moment]))
             skew = self._scatter_skew(-0.5 * spin(loads.moment))
-        elements = self._parts(chains, self._rows), self._parts(beams, self._beam_rows)
-        return elements, (loads.pressure[panels], shear), on_lines, dead, skew
+        return (loads.pressure[panels], shear), on_lines, dead, skew
 
     def start(self, rotations=None):
         """Rotations (r,3,3) to begin with: given ones, or those of the reference configuration; None without frames."""
@@ -230,16 +232,35 @@ class Assembly:
         forces = [chain_forces(x, part) for part in chains] + [beam_forces(x, rotations, part) for part in beams]
         for values, scatter in zip(forces, self._scatter_f, strict=True):
             internal += scatter(values)
+        external = self._external(x, on_panels, on_lines, external)
+        if self._links is not None:
+            factors, _ = self._links.factors(rotations)
+            internal, external = (self._links.forces(f, factors) for f in (internal, external))
+        return internal - external, self.unknowns.norm(external)
+
+    def _external(self, x, on_panels, on_lines, dead):
         for (_, elements), kernel, loads in (
             (self._panels, surface_forces, on_panels),
             (self._lines, line_load_forces, (on_lines,)),
         ):
             if elements.count:
-                external = external + elements.generalised(kernel(elements.corners(x), *loads))
+                dead = dead + elements.generalised(kernel(elements.corners(x), *loads))
+        return dead
+
+    def load_forces(self, x, loads, rotations=None):
+        """Generalised forces (q,) N of the loads alone at node positions x (n,3) m: linear in the loads."""
+        *on_surface, dead, _ = self._seen(loads)
+        external = self._external(x, *on_surface, dead)
+        if self._links is None:
+            return external
+        return self._links.forces(external, self._links.factors(self.start(rotations))[0])
+
+    def moves(self, step, rotations=None):
+        """Displacements (n,3) m of the nodes, riders and all, in a small `step` (q,): the derivative of `positions`."""
+        dx = self.unknowns.moves(step)
         if self._links is not None:
-            factors, _ = self._links.factors(rotations)
-            internal, external = (self._links.forces(f, factors) for f in (internal, external))
-        return internal - external, self.unknowns.norm(external)
+            self._links.carry(dx, self.unknowns.spins(step), self.start(rotations), self.structure.frames)
+        return dx
 
     def residual_and_tangent(self, q, prepared, rotations=None):
         """Residual (q,) N and consistent tangent (q,q) N/m, elements, links, load stiffness and all."""

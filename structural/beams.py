@@ -158,8 +158,8 @@ def beam_forces(x, rotations, beams):
 
 
 def beam_forces_and_tangents(x, rotations, beams):
-    """`beam_forces`, and the symmetric tangents (e,12,12): the second derivative of the strain energy along rotations
-    about fixed axes.
+    """`beam_forces`, and the tangents (e,12,12): the second derivative of the strain energy along rotations about fixed
+    axes, symmetric where the section law has an energy.
 
     The derivative of the moments with respect to the spins has a skew part besides, half the spin of the moment on
     each node. It cancels over the elements of a node in equilibrium without applied moments, and the assembly adds it
@@ -168,13 +168,14 @@ def beam_forces_and_tangents(x, rotations, beams):
     geo = _Geometry.of(x, rotations, beams)
     force, stiffness = beams.section.response(geo.natural(beams.l0), beams.l0)
     b, mean = _gradients(geo)
-    k = b.transpose(0, 2, 1) @ stiffness @ b
-    blocks = k.reshape(len(k), 4, 3, 4, 3)
+    blocks = np.zeros((len(b), 4, 3, 4, 3))
     _add_axial(blocks, geo, force[:, 0])
     for i in (0, 1):
         _add_bending(blocks, geo, i, force[:, 1 + 2 * i], force[:, 2 + 2 * i])
     _add_twist(blocks, geo, mean, force[:, 5])
-    return np.einsum("ead,ea->ed", b, force), 0.5 * (k + k.transpose(0, 2, 1))
+    geometric = blocks.reshape(-1, 12, 12)
+    k = b.transpose(0, 2, 1) @ stiffness @ b + 0.5 * (geometric + geometric.transpose(0, 2, 1))
+    return np.einsum("ead,ea->ed", b, force), k
 
 
 def _outer(a, b):

@@ -7,7 +7,7 @@ second derivative sym(rho f^T) - (rho.f) I along rotations about fixed axes.
 
 import numpy as np
 
-from .rotations import spin
+from .rotations import cross, spin
 
 
 class RigidLinks:
@@ -43,6 +43,11 @@ class RigidLinks:
     def place(self, x, rotations, frames):
         """Put the riders of the positions x (n,3) m where they belong."""
         x[self._riders] = x[frames[self._carriers]] + np.einsum("kij,kj->ki", rotations[self._carriers], self._arms)
+
+    def carry(self, dx, spins, rotations, frames):
+        """Give the riders their displacements among dx (n,3) m, from those of their carriers and `spins` (r,3) rad."""
+        rho = np.einsum("kij,kj->ki", rotations[self._carriers], self._arms)
+        dx[self._riders] = dx[frames[self._carriers]] + cross(spins[self._carriers], rho)
 
     def forces(self, wide, factors):
         """Generalised forces (q,) of those (w,) with free riders."""

@@ -33,11 +33,15 @@ class Unknowns:
 
     def expand(self, q):
         """Node positions (n,3) from the unknowns (q,)."""
-        x = self.base.copy()
-        index = self.index[: len(x)]
+        return self.base.reshape(-1, 3) + self.moves(q)
+
+    def moves(self, step):
+        """Displacements (n,3) m of the nodes in a `step` (q,) of the unknowns."""
+        index = self.index[: len(self.base)]
         free = index >= 0
-        x[free] = self.sign[: len(x)][free] * q[index[free]]
-        return x.reshape(-1, 3)
+        dx = np.zeros(len(index))
+        dx[free] = self.sign[: len(index)][free] * step[index[free]]
+        return dx.reshape(-1, 3)
 
     def spins(self, step):
         """Spins (r,3) rad of the frames in a `step` (q,) of the unknowns."""

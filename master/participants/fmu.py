@@ -11,7 +11,7 @@ import tempfile
 import weakref
 from collections import deque
 from collections.abc import Mapping, Sequence
-from ctypes import byref, c_byte, c_char_p, c_size_t, c_uint, c_void_p
+from ctypes import byref, c_char, c_char_p, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -229,14 +229,14 @@ class FmuParticipant(Blocks):
         self._require_serialisation()
         size = c_size_t()
         self._require(self._alive().fmi2SerializedFMUstateSize, self._component, state, byref(size))
-        data = (c_byte * size.value)()
+        data = (c_char * size.value)()
         self._require(self._alive().fmi2SerializeFMUstate, self._component, state, data, size)
-        return bytes(data)
+        return data.raw
 
     def deserialised(self, data: bytes) -> c_void_p:
         """See Participant."""
         self._require_serialisation()
-        state, buffer = c_void_p(), (c_byte * len(data)).from_buffer_copy(data)
+        state, buffer = c_void_p(), (c_char * len(data)).from_buffer_copy(data)
         self._require(self._alive().fmi2DeSerializeFMUstate, self._component, buffer, len(data), byref(state))
         self._states[state.value] = state
         return state

@@ -18,6 +18,7 @@ class InProcessParticipant(Blocks):
     def __init__(self, core: Any, parameters: Mapping[str, Any] | None = None, name: str = "Solver") -> None:
         self.name = name
         self._core = core
+        self.offers_derivatives = hasattr(core, "directional_derivative")
         self.blocks = {v.name: tuple(v.shape) for v in core.variables}
         self.limits = {v.name: Limits(v.causality, v.variability, v.minimum, v.maximum) for v in core.variables}
         for block, value in (parameters or {}).items():
@@ -38,6 +39,10 @@ class InProcessParticipant(Blocks):
         """See Participant."""
         self.shape(block)
         return np.array(self._core.get(block), dtype=float)
+
+    def directional_derivative(self, changes: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """See Blocks."""
+        return dict(getattr(self._core, "directional_derivative", super().directional_derivative)(changes))
 
     def save(self) -> Any:
         """See Participant."""

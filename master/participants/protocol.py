@@ -11,7 +11,10 @@ class StepFailed(RuntimeError):
 
 
 class Participant(Protocol):
-    """A solver that exchanges named blocks of values and advances step by step."""
+    """A solver that exchanges named blocks of values and advances step by step.
+
+    It may have derivatives too: `Blocks.directional_derivative`, where `offers_derivatives` is true.
+    """
 
     @property
     def blocks(self) -> Mapping[str, tuple[int, ...]]:

@@ -20,7 +20,7 @@ def print_table(scene: Any, run: "Run", content: dict[str, Any]) -> None:
     table = Table(title=title, show_header=False, title_justify="left")
     for row in result_rows(scene, run, content):
         table.add_row(*map(escape, row))
-    console = _console()
+    console = new_console()
     console.print(table)
     for remark in run.remarks:
         console.print(f"note: {remark}", soft_wrap=True, markup=False)
@@ -36,7 +36,7 @@ def print_rows(title: str, rows: Iterable[tuple[str, str]], notes: Iterable[str]
     table = Table(title=escape(title), show_header=False, title_justify="left")
     for row in rows:
         table.add_row(*map(escape, row))
-    console = _console()
+    console = new_console()
     console.print(table)
     for note in notes:
         console.print(note, soft_wrap=True, markup=False)
@@ -45,11 +45,12 @@ def print_rows(title: str, rows: Iterable[tuple[str, str]], notes: Iterable[str]
 def print_written(folder: Path, names: Iterable[str], remark: str = "") -> None:
     """Which files a run has left, and a remark on those it has not."""
     if remark:
-        _console().print(f"note: {remark}", soft_wrap=True, markup=False)
-    _console().print(f"written: {folder}/{', '.join(names)}", soft_wrap=True, markup=False)
+        new_console().print(f"note: {remark}", soft_wrap=True, markup=False)
+    new_console().print(f"written: {folder}/{', '.join(names)}", soft_wrap=True, markup=False)
 
 
-def _console() -> Any:
+def new_console() -> Any:
+    """A console on standard output, as wide as the terminal or 110 columns."""
     from rich.console import Console
 
     return Console(highlight=False, width=None if sys.stdout.isatty() else 110)

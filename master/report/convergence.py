@@ -76,7 +76,7 @@ def _log(
     values = np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
     panel.set_yscale("log")
     panel.minorticks_off()
-    panel.yaxis.set_major_formatter(FuncFormatter(lambda y, _: _power_of_ten(y)))  # formulas are slow to set
+    panel.yaxis.set_major_formatter(FuncFormatter(lambda y, _: power_of_ten(y)))  # formulas are slow to set
     panel.plot(k, values, look, color=DARK, label=label)
     if again is not None:
         panel.plot(k[-1:], [again], "D", color="white", mec=DARK, ms=5.0, label="flow evaluated\nagain at the end")
@@ -89,7 +89,7 @@ def _log(
     legend_beside(panel)
 
 
-def _power_of_ten(value: float) -> str:
+def power_of_ten(value: float) -> str:
     """10 with the rounded exponent of the value in superscript digits."""
     raised = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     return "10" + str(round(np.log10(value))).translate(raised)

@@ -31,7 +31,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Content as JSON, keys in the given order; NaN and infinity become null."""
-    write_whole(path, json.dumps(_plain(content), indent=2, allow_nan=False) + "\n")
+    write_whole(path, json.dumps(plain(content), indent=2, allow_nan=False) + "\n")
 
 
 def write_csv(path: Path, header: list[str], rows: list[list[Any]]) -> None:
@@ -116,15 +116,16 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """The value in types that JSON has: arrays as lists, paths as texts, NaN and infinity as None."""
     if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
+        return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     if isinstance(value, Path):

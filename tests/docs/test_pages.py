@@ -47,6 +47,12 @@ def test_the_coupling_page_names_every_setting():
         assert f"`{'blocks' if entry.name == 'names' else entry.name}`" in text
 
 
+def test_every_block_of_the_page_on_comparisons_runs_and_prints_what_the_page_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wrong = checked(DOCS / "compare.md")
+    assert not wrong, "\n".join(wrong)
+
+
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
     """The folder where the scene of the guide was made from the page and flown, and what the page promised in vain."""

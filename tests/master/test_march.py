@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from master.acceleration import IQNILS, Aitken
+from master.acceleration import IQNILS
 from master.exchange import Connection, Exchange
-from master.march import Predictor, march
+from master.march import march
 from tests.master.toys import Mass, Spring
 
 K, M = 4.0, 1.0  # 2 rad/s

@@ -178,6 +178,12 @@ def test_bad_parameters_are_refused_when_a_participant_is_made(toy_path, paramet
             make(parameters)
 
 
+def test_a_participant_without_derivatives_says_so(toy):
+    with pytest.raises(ValueError, match="gives no directional derivatives") as caught:
+        toy.directional_derivative({})
+    assert "\n" not in str(caught.value)
+
+
 def test_a_failed_step_says_why_and_the_participant_goes_on_from_a_saved_state(toy):
     response(toy)
     state = toy.save()

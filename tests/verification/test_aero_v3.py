@@ -75,7 +75,7 @@ def test_the_peers_relaxation_and_drag_direction_give_its_figures_to_all_their_d
         a = np.deg2rad(alpha)
         wind = 10.0 * np.array([np.cos(a), 0.0, np.sin(a)])
         reference = wing.loads(nodes, wind)
-        flow, strips = wing._flow(reference.strips, wind, wind / 10.0, slice(0, 36), False)[0], reference.strips
+        flow, strips = wing.placed(nodes, wind).flow, reference.strips
         at_infinity = np.linalg.norm(wind - (strips.span @ wind)[:, None] * strips.span, axis=1)
         gamma = reference.circulation.gamma
         for _ in range(800):  # the peer's own relaxation; 0.02 contracts the error by e^-16

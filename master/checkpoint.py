@@ -1,0 +1,168 @@
+"""Checkpoints: where a coupled run stands, in one file, so that it can go on later as if it had never stopped.
+
+The file has a line that says what it is, a line of JSON for people, and pickled content, checked by its SHA-256.
+Pickles can run code when they are read: read only files of your own.
+"""
+
+import hashlib
+import json
+import os
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from master.acceleration import Scheme
+from master.acceleration.scheme import adopt
+from master.coupling import CoupledResult, Coupling, Search
+from master.exchange import Exchange, Warmth
+from master.march import March
+
+MAGIC = b"kitecosim checkpoint 1\n"
+
+
+def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]) -> None:
+    """Write a checkpoint, whole or not at all; `about` is what people read in its second line."""
+    path = Path(path)
+    data = pickle.dumps(dict(content), protocol=5)
+    head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a checkpoint is about, and its content; ValueError in one sentence if it is not a sound one."""
+    try:
+        raw = Path(path).read_bytes()
+    except OSError as error:
+        raise ValueError(f"checkpoint {path} cannot be read ({(error.strerror or str(error)).lower()}).") from None
+    if not raw.startswith(MAGIC):
+        raise ValueError(f"{path} is not a checkpoint of this version of kitecosim.")
+    head, _, data = raw[len(MAGIC) :].partition(b"\n")
+    try:
+        about = json.loads(head)
+        if about.pop("sha256") != hashlib.sha256(data).hexdigest():
+            raise ValueError
+        content = pickle.loads(data)
+    except (ValueError, KeyError, pickle.PickleError, AttributeError, ImportError, EOFError):
+        raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
+    return about, content
+
+
+def participants(exchange: Exchange, states: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Clock, counters and serialised states of the participants: the present ones, or `states` saved before."""
+    now = exchange.saved() if states is None else dict(states)
+    kept = {name: exchange.participants[name].serialised(state) for name, state in now.items()}
+    if states is None:
+        exchange.freed(now)
+    return {"time": exchange.time, "evaluations": exchange.evaluations, "states": kept}
+
+
+def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
+    """Return participants made alike to what `participants` kept; ValueError in one sentence if they are others."""
+    if missing := sorted(kept["states"].keys() ^ exchange.saving()):
+        raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
+    exchange.time, exchange.evaluations = kept["time"], kept["evaluations"]
+    states = {n: exchange.participants[n].deserialised(data) for n, data in kept["states"].items()}
+    try:
+        exchange.put_back(states)
+    finally:
+        exchange.freed(states)
+
+
+def of_search(coupling: Coupling, scheme: Scheme, search: Search, warmth: Warmth | None) -> dict[str, Any]:
+    """Content of a checkpoint of a coupled solve; `warmth` None after its end."""
+    best = None if warmth is None else participants(coupling, warmth.states)
+    return {"search": search, "scheme": scheme, "participants": participants(coupling), "best": best}
+
+
+def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
+    """Put the participants back to where a coupled solve stood; what `solve` continues from."""
+    search: Search = content["search"]
+    put_back(coupling, content["participants"])
+    if content["best"] is not None:
+        best = content["best"]["states"]
+        search.best = {n: coupling.participants[n].deserialised(data) for n, data in best.items()}
+    return search
+
+
+def of_march(exchange: Exchange, scheme: Scheme | None, begun: March) -> dict[str, Any]:
+    """Content of a checkpoint of a run through time."""
+    return {"march": begun, "scheme": scheme, "participants": participants(exchange)}
+
+
+@dataclass(frozen=True)
+class Files:
+    """What a run shall write: a checkpoint before every `every`-th coupling iteration; and where it goes on from."""
+
+    checkpoint: Path | None = None
+    every: int = 1
+    restart: Path | None = None
+
+
+class Keeper:
+    """Writes the checkpoints of a coupled solve; without a path none."""
+
+    def __init__(
+        self, path: Path | None, every: int, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any]
+    ) -> None:
+        self._path, self._every, self._about = path, every, about
+        self._coupling, self._scheme = coupling, scheme
+
+    def __call__(self, search: Search, warmth: Warmth) -> None:
+        """Before a coupling iteration."""
+        if self._path is not None and len(search.history) % self._every == 0:
+            about = {**self._about, "coupling_iterations": len(search.history), "status": "under way"}
+            write(self._path, about, of_search(self._coupling, self._scheme, search, warmth))
+
+    def end(self, result: CoupledResult) -> None:
+        """After a solve that converged: another wind or tolerance may begin from here."""
+        if self._path is not None:
+            about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
+            ended = Search(self._about["order"], self._coupling.present(self._about["order"]), history=result.history)
+            write(self._path, about, of_search(self._coupling, self._scheme, ended, None))
+
+
+# What may change without ending the loop under way: it only says how long to go on and what to do afterwards.
+HARMLESS = ("max_iterations", "stability", "report", "backend", "coupling_iterations", "status")
+
+
+def restart(
+    path: Path, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any], chosen: Mapping[str, Any]
+) -> tuple[Search, list[str]]:
+    """Where a coupled solve goes on from a checkpoint, and a remark on what is different now.
+
+    With the settings as they were the loop goes on bitwise as if it had not stopped. With others (scheme, tolerances,
+    tunable parameters among the `chosen`) a new loop begins at the shape and with the solvers' states of the
+    checkpoint, and with its quasi-Newton history where the scheme is of the same kind. ValueError in one sentence for
+    a checkpoint of another scene or with other settings of it, and for a fixed parameter that shall change.
+    """
+    was, content = read(path)
+    for key in ("scene", "scene_settings"):
+        if was.get(key) != json.loads(json.dumps(about[key], default=str)):
+            raise ValueError(
+                f"checkpoint {path} is of {key} {was.get(key)}, this run of {about[key]}; begin without it."
+            )
+    search = search_of(coupling, content)
+    adopted = adopt(scheme, content["scheme"])
+    now = json.loads(json.dumps(dict(about), default=str))
+    changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
+    given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
+    remark = f"went on from {path.name}, {was['coupling_iterations']} coupling iterations from its beginning"
+    if not changed and not given and search.loop is not None:
+        return search, [remark]
+    for name in given:
+        for participant in (coupling.structural, coupling.aero):
+            if participant.causality.get(name) == "parameter":
+                participant.set(name, now["parameters"][name])
+    for key in changed:
+        remark += f", {key} {was.get(key)} -> {now[key]}"
+    for name in given:
+        remark += f", {name} {was['parameters'].get(name, 'as built')} -> {now['parameters'][name]}"
+    remark += "" if adopted else ", without the history of another scheme"
+    return Search(about["order"], coupling.present(about["order"])), [remark]

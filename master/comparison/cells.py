@@ -1,0 +1,127 @@
+"""One cell of a comparison: the scene loaded afresh, solved with a fresh scheme, and what is worth knowing of it."""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from master.commands import pair, prepared
+from master.comparison.grid import Cell
+from master.coupling import CoupledResult, Coupling, solve
+from master.participants import Participant
+from master.schemes import SCHEMES, scheme
+
+OUTPUTS = ("CL", "CD", "tip_span")  # outputs of the flow that tell one equilibrium from another
+HISTORIES = {
+    "residual_history_m": "residual_m",
+    "residual_history_N": "structural.imbalance_before_step",
+    "newton_history_structural": "structural.newton_iterations",
+    "newton_history_aero": "aero.newton_iterations",
+}
+RECORDS = ("omega", "columns", "filtered", "products")  # what a scheme may say of an update
+_WARM: set[str] = set()  # folders of scenes that this process has solved
+
+
+class Counted:
+    """A participant that counts its steps and those that it refused."""
+
+    def __init__(self, participant: Participant) -> None:
+        self._participant = participant
+        self.calls = self.failures = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._participant, name)
+
+    def step(self, t: float, dt: float) -> None:
+        """See Participant."""
+        self.calls += 1
+        try:
+            self._participant.step(t, dt)
+        except Exception:
+            self.failures += 1
+            raise
+
+
+def solved(cell: Cell) -> dict[str, Any]:
+    """The row of a cell: status, counts, seconds, residuals, histories, outputs, displacement (3n,) m, all settings.
+
+    Wall times are those of the solve with the median total of `repeat`. Whatever goes wrong beyond what a solver
+    reports makes a row of the status "crashed".
+    """
+    begin = time.perf_counter()
+    try:
+        scene, given = prepared(cell.folder, cell.assigned)
+        _warm(cell, scene, given)
+        with tempfile.TemporaryDirectory(prefix="comparison_") as folder:
+            solves = [_solve(cell, scene, given, Path(folder)) for _ in range(cell.repeat)]
+        seconds = sorted((s for _, s in solves), key=lambda s: s.get("total", 0.0))[(cell.repeat - 1) // 2]
+        row = solves[0][0]
+    except Exception as error:
+        # a defect of one cell must not end the others
+        return crashed(cell, f"{type(error).__name__}: {error}")
+    row["seconds"] = seconds | {"cell": time.perf_counter() - begin}
+    return row
+
+
+def _warm(cell: Cell, scene: Any, given: dict[str, Any]) -> None:
+    """Two coupling iterations of a scene that this process has not met: what loads at first use is no scheme's time."""
+    if cell.folder not in _WARM:
+        _WARM.add(cell.folder)
+        solve(Coupling.in_process(scene, given), scheme("relaxation"), max_iterations=2)
+
+
+def crashed(cell: Cell, reason: str) -> dict[str, Any]:
+    """The row of a cell that gave no result, for a reason."""
+    return {"status": "crashed", "message": " ".join(reason.split())}
+
+
+def _solve(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple[dict[str, Any], dict[str, float]]:
+    """What one solve found and, apart, what it took."""
+    with pair(scene, cell.backend, given, folder) as coupling:
+        coupling.structural, coupling.aero = Counted(coupling.structural), Counted(coupling.aero)
+        coupling.participants = {"aero": coupling.aero, "structural": coupling.structural}
+        if SCHEMES[cell.scheme].exact:
+            try:
+                coupling.require_derivatives()
+            except ValueError as error:
+                return {"status": "unavailable", "message": str(error)}, {}
+        result = solve(
+            coupling,
+            scheme(cell.scheme, coupling, **cell.parameters),
+            atol=cell.tolerance,
+            force_tolerance=cell.force_tolerance,
+            max_iterations=cell.max_iterations,
+            tie_tolerance="solver_tolerance" not in given,
+        )
+        found = _row(coupling, result)
+    found["settings"] = {"scene": dict(scene.settings), **found["settings"]}
+    seconds = result.seconds
+    master = seconds["total"] - seconds["structural"] - seconds["aero"]
+    return found, {**{k: seconds[k] for k in ("total", "structural", "aero")}, "master": master}
+
+
+def _row(coupling: Coupling, result: CoupledResult) -> dict[str, Any]:
+    sides: dict[str, Any] = {"structural": coupling.structural, "aero": coupling.aero}
+    history = result.history
+    row: dict[str, Any] = {
+        "status": result.status,
+        "message": result.message,
+        "coupling_iterations": result.iterations,
+        "residual_m": result.residual,
+        "residual_N": result.residual_N,
+        "calls": {side: participant.calls for side, participant in sides.items()},
+        "failures": sum(participant.failures for participant in sides.values()),
+        "recoveries": len(result.recoveries),
+        "outputs": {name: float(coupling.aero.get(name)) for name in OUTPUTS if name in coupling.aero.blocks},
+        "histories": {name: [row.get(column) for row in history] for name, column in HISTORIES.items()},
+        "displacement": np.ravel(result.displacement).tolist(),
+    }
+    for name in RECORDS:
+        row["histories"][f"{name}_history"] = [h.get(name) for h in history]  # of the update that led there
+    row["settings"] = {
+        side: {b: participant.get(b).tolist() for b, c in participant.causality.items() if c == "parameter"}
+        for side, participant in sides.items()
+    }
+    return row

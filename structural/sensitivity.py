@@ -1,0 +1,53 @@
+"""How an equilibrium moves when its loads change a little: the tangent at the solution, factorised once."""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse.linalg as spla
+
+# Pivots leave the diagonal only below this part of their column. More than a thousandth loses less than three digits;
+# more fill than that of Newton's own factorisation costs little, since this one serves every direction at its state.
+PIVOT = 1e-3
+# Shift relative to each unknown's own stiffness where the tangent is exactly singular.
+SHIFT = 1e-12
+
+
+class LoadSensitivity:
+    """Derivative of the positions of an equilibrium with respect to its loads.
+
+    r(q, f) = f_int(q) - f_ext(q, f) = 0 at every load, so that K dq = (df_ext/df) df with the consistent tangent K of
+    elements, links and follower loads. `x` (n,3) m and `rotations` (r,3,3) are the equilibrium, found by
+    `equilibrium`; `reaction` (r,3) N m are the moments that hold clamped frames, which stiffen their other axes.
+    No shift, softening or damping is in it, but where K is exactly singular: directions without any stiffness then
+    get (nearly) no displacement, as in the steps of the solver.
+    """
+
+    def __init__(self, assembly, chains, loads, x, beams=None, rotations=None, reaction=None):
+        self._assembly, self._x, self._rotations = assembly, x, rotations
+        if reaction is not None:
+            loads = replace(loads, moment=reaction if loads.moment is None else loads.moment + reaction)
+        self._dead = np.zeros_like(loads.dead)
+        prepared = assembly.prepare(chains, loads, beams)
+        _, k, _ = assembly.residual_and_tangent(assembly.unknowns.restrict(x), prepared, rotations)
+        try:
+            self._factors = self._factorised(k)
+        except RuntimeError:  # exactly singular
+            diagonal = np.abs(k.data[assembly.diagonal])
+            k.data[assembly.diagonal] += SHIFT * np.maximum(diagonal, diagonal.mean())
+            self._factors = self._factorised(k)
+
+    @staticmethod
+    def _factorised(k):
+        if not k.shape[0]:
+            return None
+        return spla.splu(k, permc_spec="NATURAL", diag_pivot_thresh=PIVOT, options={"SymmetricMode": True})
+
+    def __call__(self, change):
+        """Displacements (n,3) m of the nodes for a small change of the loads, a `Loads` of these changes.
+
+        Where the assembly solves one half, the change has to be mirror-symmetric.
+        """
+        if self._factors is None:
+            return np.zeros_like(self._x)
+        force = self._assembly.load_forces(self._x, change, self._rotations)
+        return self._assembly.moves(self._factors.solve(force), self._rotations)
