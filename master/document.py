@@ -55,6 +55,12 @@ class Document:
         listed = whole.table("participants")
         for name in listed.content:
             members[name], described[name] = _member(listed, name, Path(folder))
+            same = [n for n, m in members.items() if n != name and m.fmu.resolve() == members[name].fmu.resolve()]
+            if same and described[name].only_once:
+                raise listed.table(name).refused(
+                    "fmu",
+                    f"is that of {same[0]} too, but its canBeInstantiatedOnlyOncePerProcess is true; use it for one.",
+                )
         if len(members) < 2:
             raise whole.wrong(f"[participants] holds {len(members)} participants; give at least two.")
         connections = _connections(whole, described)

@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from fmpy import read_model_description
+from fmpy import platform, read_model_description
 
 from master.blocks import Blocks, described_limits, grid, grouped
 from master.entries import nearest
@@ -57,7 +57,13 @@ class Described(Blocks):
         if description is None or description.coSimulation is None:
             what = "not for co-simulation" if description is not None else f"of FMI {version}"
             raise ValueError(f"{path} is {what}; export it as an FMI 2.0 co-simulation FMU.")
+        with zipfile.ZipFile(path) as archive:
+            built_for = {name.split("/")[1] for name in archive.namelist() if re.match("binaries/[^/]+/.", name)}
+        if platform not in built_for:
+            what = ", ".join(sorted(built_for)) or "no platform"
+            raise ValueError(f"{path} is built for {what}, not for {platform}; export it for this platform.")
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
+        self.only_once = bool(description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         self.model, self.tool = description.modelName, description.generationTool
         self._variables = {variable.name: variable for variable in description.modelVariables}
         scalars = grouped(description.modelVariables)

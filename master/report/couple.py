@@ -76,7 +76,8 @@ class Recorder:
         header = ["time_s"]
         for name, block in document.record:
             header += [f"{name}.{block}{index}" for index in _indices(document.described[name].blocks[block])]
-        self._rows = Rows(folder / "results.csv", header)
+        self._header = header
+        self._rows: Rows | None = None  # from the first row on
         self.curves = {f"{name}.{block}": Curve() for name, block in document.record}
 
     def __call__(self, number: int, time: float, residual: float, values: Mapping[str, np.ndarray]) -> None:
@@ -86,19 +87,25 @@ class Recorder:
             flat = np.ravel(value)
             row += map(repr, flat.tolist())
             self.curves[name].add(time, flat if flat.size <= 3 else np.atleast_1d(np.linalg.norm(flat)))
+        if self._rows is None:
+            self._rows = Rows(self.folder / "results.csv", self._header)
         self._rows.add(row)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._rows.close()
+        self._close()
         if error is not None and self.steps is not None:
             _write_steps(self.folder / "steps.csv", self.steps, self.document)
 
+    def _close(self) -> None:
+        if self._rows is not None:
+            self._rows.close()
+
     def finish(self, result: "CoupleResult", report: bool = True) -> None:
         """Write what is left to write at the end of a run."""
-        self._rows.close()
+        self._close()
         _write_steps(self.folder / "steps.csv", result.steps, self.document)
         write_json(self.folder / "summary.json", summary(self.document, result))
         self.written = list(RESULTS[:3])

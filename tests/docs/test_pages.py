@@ -13,6 +13,7 @@ import pytest
 
 import scenes
 from master.document import Member
+from master.schemes import SCHEMES
 from master.settings import Settings
 from scenes.description import _KNOWN
 from tests.docs.pages import DOCS, blocks, checked, give_files
@@ -43,8 +44,9 @@ def test_every_block_of_the_coupling_page_runs_and_prints_what_the_page_says(tmp
 
 def test_the_coupling_page_names_every_setting():
     text = (DOCS / "couple.md").read_text()
-    for entry in (*fields(Settings), *fields(Member)):
-        assert f"`{'blocks' if entry.name == 'names' else entry.name}`" in text
+    keys = ["blocks" if entry.name == "names" else entry.name for entry in (*fields(Settings), *fields(Member))]
+    for name in (*keys, *SCHEMES):
+        assert f"`{name}`" in text
 
 
 def test_every_block_of_the_page_on_comparisons_runs_and_prints_what_the_page_says(tmp_path, monkeypatch):

@@ -98,7 +98,7 @@ def test_the_coupled_solution_is_the_trapezoidal_rule_of_the_whole(foreign):
 def test_parallel_order_and_other_schemes_converge_to_the_serial_result(foreign):
     reference = coupled(foreign, oscillator()).values["wall.position"]
     # aitken has one factor for all, which does not suit the pair of imaginary eigenvalues of the parallel map
-    serial = [("serial", scheme) for scheme in ("relaxation", "aitken", "iqn-ils")]
+    serial = [("serial", scheme) for scheme in ("relaxation", "aitken", "iqn-ils", "iqn-imvj")]
     for order, scheme in [*serial, ("parallel", "relaxation"), ("parallel", "iqn-ils")]:
         parameters = {"omega": 0.9} if scheme == "relaxation" else {}
         content = oscillator(order=order, scheme=scheme, parameters=parameters)
@@ -289,6 +289,13 @@ def test_what_there_is_stays_whole_when_a_run_breaks_off(foreign, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"results.csv", "steps.csv"}
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 1 + 5
     assert len((tmp_path / "steps.csv").read_text().splitlines()) == 1 + 4
+
+
+def test_an_fmu_that_does_not_load_leaves_no_results(foreign, tmp_path):
+    fluid = {"start": FLUID["start"] | {"table": "none.csv"}}
+    with pytest.raises(RuntimeError, match=r"there is no table none\.csv"):
+        coupled(foreign, oscillator(fluid=fluid), out=tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_curves_for_the_plot_stay_few_however_long_a_run_is():

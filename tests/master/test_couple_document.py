@@ -6,6 +6,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from fmpy import platform
 
 from master.document import Document
 from master.mapping import Described, MappedParticipant, Naming
@@ -56,6 +57,7 @@ MISTAKES = [
         "[coupling.parameters] does not suit: omega0 must be finite and not zero",
     ),
     ({"coupling/parameters": {"reuse": "all"}}, "[coupling.parameters] does not suit: reuse"),
+    ({"coupling/scheme": "newton-krylov"}, "coupling: participant fluid offers no directional derivatives"),
     ({"coupling/order": "both"}, "[coupling] order is 'both', which there is not; choose one of: serial, parallel."),
     ({"coupling/predictor": "cubic"}, "choose one of: constant, linear, quadratic."),
     ({"coupling/interpolation": "cubic"}, "choose one of: linear, constant."),
@@ -183,6 +185,28 @@ def test_an_fmu_of_another_kind_is_refused(tmp_path, old, new, what):
         archive.writestr("modelDescription.xml", DESCRIPTION.replace(old, new))
     with pytest.raises(ValueError, match=f"is {what}; export it as an FMI 2.0 co-simulation FMU"):
         Described(path)
+
+
+def test_an_fmu_for_another_platform_is_refused(tmp_path):
+    path = tmp_path / "other.fmu"
+    for binaries, what in ((["binaries/vax/wheel.so", "binaries/pdp/wheel.so"], "pdp, vax"), ([], "no platform")):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("modelDescription.xml", DESCRIPTION)
+            for name in binaries:
+                archive.writestr(name, "")
+        with pytest.raises(ValueError, match=f"is built for {what}, not for .*; export it for this platform"):
+            Described(path)
+
+
+def test_an_fmu_that_allows_one_instance_is_not_used_twice(tmp_path):
+    once = 'modelIdentifier="wheel" canBeInstantiatedOnlyOncePerProcess="true"'
+    with zipfile.ZipFile(tmp_path / "wheel.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", DESCRIPTION.replace('modelIdentifier="wheel"', once))
+        archive.writestr(f"binaries/{platform}/wheel.so", "")
+    content = oscillator()
+    content["participants"] = {"front": {"fmu": "wheel.fmu"}, "rear": {"fmu": "./wheel.fmu"}}
+    with pytest.raises(ValueError, match=r"\[participants.rear\] fmu is that of front too, but its canBeInstantiated"):
+        Document.of(content, tmp_path)
 
 
 def test_blocks_of_our_own_reach_the_variables_they_name_in_their_order(foreign):
