@@ -29,7 +29,7 @@ class CoupleResult:
 
     `status` and `message` as in `MarchResult`; `time` s is how far it came, `steps` what every communication step took
     (steady: every evaluation is one), `values` the recorded blocks at the end, `seconds` the wall time of each
-    participant, of all ("total") and of loading the FMUs ("set_up").
+    participant, of all ("total") and of loading the FMUs ("set_up"), `logs` the last (status of FMI, sentence) of each.
     """
 
     status: str
@@ -39,6 +39,7 @@ class CoupleResult:
     evaluations: int
     values: dict[str, np.ndarray]
     seconds: dict[str, float]
+    logs: dict[str, list[tuple[int, str]]]
 
     @property
     def converged(self) -> bool:
@@ -86,8 +87,9 @@ def couple(
             recorder.steps = run.now.steps
         ended = run.ended()
         seconds = {"total": time.perf_counter() - begin, "set_up": ready - begin, **ended.seconds}
+        logs = {name: list(p.fmu.messages) for name, p in exchange.participants.items()}  # type: ignore[attr-defined]
         result = CoupleResult(
-            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds
+            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs
         )
         if recorder is not None:
             recorder.finish(result, report)

@@ -169,6 +169,7 @@ def summary(document: Document, result: "CoupleResult") -> dict[str, Any]:
         "recoveries": sum(steps.recoveries),
         "residual": steps.residuals[-1] if len(steps) else None,
         "messages": [{"step": number, "message": sentence} for number, sentence in steps.messages],
+        "fmu_messages": {name: [text for _, text in log] for name, log in result.logs.items()},
         "wall_time_s": {
             "total": seconds["total"],
             "set_up": seconds["set_up"],

@@ -204,6 +204,8 @@ def test_a_step_that_nobody_can_repeat_ends_the_run_with_its_reason_and_what_was
     assert reason in result.message
     assert result.time == pytest.approx(0.2)
     assert [float(row["time_s"]) for row in rows_of(tmp_path / "results.csv")] == pytest.approx([0.0, 0.1, 0.2])
+    assert result.logs["wheel"][-1] == ((2 if trouble > 0 else 4), reason)
+    assert json.loads((tmp_path / "summary.json").read_text())["fmu_messages"] == {"wheel": [reason], "brake": []}
     assert [row["status"] for row in rows_of(tmp_path / "steps.csv")] == ["converged", "converged", "diverged"]
 
 
