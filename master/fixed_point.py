@@ -11,6 +11,7 @@ from master.convergence import Test, Tolerance, norm, partition
 
 Status = Literal["converged", "max_iterations", "diverged", "stalled"]
 
+GROWN = 100.0  # growth above the smallest residual beyond which no progress is divergence
 RETREAT = 0.5  # part of the way from the best x that is tried after an evaluation has failed
 
 
@@ -97,7 +98,7 @@ def fixed_point(
     max_iterations: int = 200,
     fields: Mapping[str, Field] | None = None,
     callback: Callable[[int, np.ndarray, np.ndarray, np.ndarray], object] | None = None,
-    growth_limit: float = 1e4,
+    growth_limit: float = 1e6,
     stall_window: int = 30,
     recoveries: int = 3,
     anchor: Anchor | None = None,
@@ -116,8 +117,8 @@ def fixed_point(
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
     (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 %
     within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the smallest m
-    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. Other exceptions
-    of G pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
+    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before; it is "diverged" if
+    m has grown a hundredfold meanwhile. Other exceptions of G pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
     ValueError.
 
     Before a loop ends as diverged or stalled it tries again, at most `recoveries` times in all and once after a stall.
@@ -177,11 +178,16 @@ def fixed_point(
             status, message = "diverged", failure
             break
         if stall_window and p.test.stalled(int(stall_window)):
+            grown = measure / p.test.best
             failure = f"The residual has not fallen during the last {stall_window} evaluations of G."
+            if grown > GROWN:
+                failure = (
+                    f"The residual grew to {grown:.3g} times its smallest value in {stall_window} evaluations of G."
+                )
             if k < max_iterations and not p.stalls and loop.begin_anew(failure):
                 p.stalls += 1
                 continue
-            status, message = "stalled", failure
+            status, message = "diverged" if grown > GROWN else "stalled", failure
             break
         if k >= max_iterations:
             break

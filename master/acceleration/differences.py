@@ -10,8 +10,9 @@ import numpy as np
 
 from master.acceleration.scheme import Field, require_factor
 
-# Part of its first factor with which a scheme begins anew after it was led astray.
-CAREFUL = 0.25
+# Factor on the steps in directions that are not known yet, each time a scheme begins anew after it was led astray, and
+# how it grows back to 1 with every fall of the residual.
+CAREFUL, REGAINED = 0.25, 1.5
 
 
 @dataclass
@@ -53,8 +54,11 @@ class QuasiNewton:
 
     def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Next x, same shape and unit."""
+        before = None if self._last is None else np.linalg.norm(self._last[1])
         self._learn(x, r)
         norm = np.linalg.norm(r)
+        if before is not None and norm < before:
+            self._careful = min(1.0, REGAINED * self._careful)
         if norm > 0.0:
             self._shares = self._shares + np.array([np.linalg.norm(r[f]) for f in self._fields]) / norm
             self._summands += 1
@@ -64,7 +68,8 @@ class QuasiNewton:
         if self._size != x.size:
             kind = type(self).__name__
             raise ValueError(f"The stored columns do not have the {x.size} entries of x; pass a fresh {kind}.")
-        return x + r + self._quasi_newton(r)
+        learnt, rest = self._quasi_newton(r)
+        return x + r + learnt - (1.0 - self._careful) * rest
 
     def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
         """See Scheme. The last pair becomes a column too; what led to divergence is no guide and goes."""
@@ -78,7 +83,7 @@ class QuasiNewton:
         self._last = None
 
     def restart(self) -> bool:
-        """Begin anew without columns and with a quarter of the factor of the last beginning."""
+        """Begin anew without columns, with a quarter of the step in unknown directions."""
         self._forget()
         self._floor = np.zeros(len(self._fields))
         self._careful *= CAREFUL
@@ -111,8 +116,10 @@ class QuasiNewton:
         """Take a pair (n,), (n,)."""
         raise NotImplementedError
 
-    def _quasi_newton(self, r: np.ndarray) -> np.ndarray:
-        """What the columns add to x_tilde, (n,)."""
+    def _quasi_newton(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the columns add to x_tilde, W c, and the part of r that they do not know, r + V c (anything while no
+        care is needed), (n,) each.
+        """
         raise NotImplementedError
 
     def _forget(self) -> None:

@@ -66,7 +66,7 @@ class IQNIMVJ(QuasiNewton):
         self._pairs.insert(0, (v, w))
         del self._pairs[self.max_columns :]
 
-    def _quasi_newton(self, r: np.ndarray) -> np.ndarray:
+    def _quasi_newton(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         rest, out = r.copy(), np.zeros_like(r)
         used = 0
         current = [self._block(r.size)] if self._pairs else []
@@ -76,7 +76,7 @@ class IQNIMVJ(QuasiNewton):
             out -= c @ block.answers
             used += len(c)
         self.record = {"columns": used, "filtered": self.columns - used}
-        return out
+        return out, rest
 
     def _block(self, n: int) -> _Block:
         """Filtered decomposition of this call's columns."""

@@ -102,7 +102,7 @@ class IQNILS(QuasiNewton):
         for columns in (*self._V, *self._W):
             columns.drop(surplus)
 
-    def _quasi_newton(self, r: np.ndarray) -> np.ndarray:
+    def _quasi_newton(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """W c of the filtered least squares: with orthonormal q_j and w_orth,j carried along, -sum w_orth,j (q_j.r)."""
         s = self._scales()
         v = np.concatenate([own.factors / s_f for own, s_f in zip(self._V, s, strict=True)])[:, ::-1].T
@@ -110,11 +110,16 @@ class IQNILS(QuasiNewton):
         known = [own.basis @ (r[f] / s_f) for f, own, s_f in zip(self._fields, self._V, s, strict=True)]
         Q, G = self._filtered(v, w)
         self.record = {"columns": len(Q), "filtered": len(v) - len(Q)}
-        g = -(Q @ np.concatenate(known)) @ G
-        out = np.empty_like(r)
+        c = Q @ np.concatenate(known)
+        learnt = self._whole(self._W, -(c @ G), s)
+        return learnt, r - self._whole(self._V, c @ Q, s) if self._careful < 1.0 else r
+
+    def _whole(self, stored: list[Columns], components: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """A vector (n,) from its scaled components in the bases of all fields."""
+        out = np.empty(self._size)
         at = 0
-        for f, own, s_f in zip(self._fields, self._W, s, strict=True):
-            out[f] = s_f * (g[at : at + own.rank] @ own.basis)
+        for f, own, s_f in zip(self._fields, stored, s, strict=True):
+            out[f] = s_f * (components[at : at + own.rank] @ own.basis)
             at += own.rank
         return out
 
