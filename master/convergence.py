@@ -61,6 +61,11 @@ class Test:
         h = self.history
         return all(min(h[-p:]) >= 0.9 * min(h[-2 * p : -p]) for p in (max(1, window // 6), max(1, window // 2)))
 
+    def grows(self, window: int) -> bool:
+        """Whether the median measure of the latest half of the window is more than three times that of the other."""
+        half = max(1, window // 2)
+        return bool(np.median(self.history[-half:]) > 3.0 * np.median(self.history[-2 * half : -half]))
+
 
 def norm(a: np.ndarray) -> float:
     """|a|_2 without overflow or underflow of the squares; nan or inf where an entry is."""

@@ -11,7 +11,6 @@ from master.convergence import Test, Tolerance, norm, partition
 
 Status = Literal["converged", "max_iterations", "diverged", "stalled"]
 
-GROWN = 100.0  # growth above the smallest residual beyond which no progress is divergence
 RETREAT = 0.5  # part of the way from the best x that is tried after an evaluation has failed
 
 
@@ -117,9 +116,9 @@ def fixed_point(
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
     (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 %
     within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the smallest m
-    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before; it is "diverged" if
-    m has grown a hundredfold meanwhile. Other exceptions of G pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
-    ValueError.
+    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. It is "diverged"
+    if the median of the latest half is more than three times that of the half before. Other exceptions of G pass
+    through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise ValueError.
 
     Before a loop ends as diverged or stalled it tries again, at most `recoveries` times in all and once after a stall.
     An evaluation that failed is repeated half-way to the best point so far (at the first evaluation: where it was).
@@ -178,16 +177,14 @@ def fixed_point(
             status, message = "diverged", failure
             break
         if stall_window and p.test.stalled(int(stall_window)):
-            grown = measure / p.test.best
-            failure = f"The residual has not fallen during the last {stall_window} evaluations of G."
-            if grown > GROWN:
-                failure = (
-                    f"The residual grew to {grown:.3g} times its smallest value in {stall_window} evaluations of G."
-                )
+            grows = p.test.grows(int(stall_window))
+            failure = (
+                f"The residual has {'grown' if grows else 'not fallen'} over the last {stall_window} evaluations of G."
+            )
             if k < max_iterations and not p.stalls and loop.begin_anew(failure):
                 p.stalls += 1
                 continue
-            status, message = "diverged" if grown > GROWN else "stalled", failure
+            status, message = "diverged" if grows else "stalled", failure
             break
         if k >= max_iterations:
             break
