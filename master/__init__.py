@@ -11,11 +11,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
     from master.comparison import compare
+    from master.couple import couple
     from master.fixed_point import FixedPointResult, fixed_point
 
-__all__ = ["IQNILS", "IQNIMVJ", "Aitken", "ConstantRelaxation", "FixedPointResult", "compare", "fixed_point"]
+__all__ = ["IQNILS", "IQNIMVJ", "Aitken", "ConstantRelaxation", "FixedPointResult", "compare", "couple", "fixed_point"]
 
-_MODULES = {"compare": "comparison", "FixedPointResult": "fixed_point", "fixed_point": "fixed_point"}
+_MODULES = {
+    "compare": "comparison",
+    "couple": "couple",
+    "FixedPointResult": "fixed_point",
+    "fixed_point": "fixed_point",
+}
 
 
 class _Package(ModuleType):

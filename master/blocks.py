@@ -17,12 +17,16 @@ INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j
 
 @dataclass(frozen=True)
 class Limits:
-    """What a block takes: bounds are numbers or arrays of its shape, None where there are none."""
+    """What a block takes: bounds are numbers or arrays of its shape, None where there are none.
+
+    `started`: takes a start value, whatever its causality (FMI: initial is exact or approx).
+    """
 
     causality: str
     variability: str | None = None
     minimum: np.ndarray | float | None = None
     maximum: np.ndarray | float | None = None
+    started: bool = False
 
 
 class Blocks:
@@ -49,7 +53,7 @@ class Blocks:
         """The values as float64 if the block may be set to them (as start values), else ValueError in one sentence."""
         shape = self.shape(block)
         limits = self.limits[block]
-        if limits.causality not in ("input", "parameter"):
+        if limits.causality not in ("input", "parameter") and not (start and limits.started):
             raise ValueError(f"{self.name}: block {block!r} cannot be set, its causality is {limits.causality}.")
         if limits.variability == "fixed" and not start:
             raise ValueError(f"{self.name}: block {block!r} is fixed, it takes a value only before the first step.")
@@ -100,7 +104,7 @@ def grouped(variables: Iterable[Any]) -> dict[str, tuple[list[Any], tuple[int, .
     blocks: dict[str, tuple[list[Any], tuple[int, ...]]] = {}
     for name, members in groups.items():
         members.sort(key=lambda member: member[0])
-        shape = _grid([place for place, _ in members])
+        shape = grid([place for place, _ in members])
         if shape is None or len({(v.type, v.causality, v.variability) for _, v in members}) > 1:
             blocks |= {variable.name: ([variable], ()) for _, variable in members}
         else:
@@ -108,7 +112,7 @@ def grouped(variables: Iterable[Any]) -> dict[str, tuple[list[Any], tuple[int, .
     return blocks
 
 
-def _grid(places: list[tuple[int, ...]]) -> tuple[int, ...] | None:
+def grid(places: list[tuple[int, ...]]) -> tuple[int, ...] | None:
     """Shape of the array whose every index, from any origin, is listed once in row-major order; None if it is not."""
     first, last = places[0], places[-1]
     if len(first) != len(last):
@@ -129,6 +133,7 @@ def described_limits(scalars: list[Any], shape: tuple[int, ...]) -> Limits:
         scalars[0].variability,
         np.reshape(lower, shape) if np.isfinite(lower).any() else None,
         np.reshape(upper, shape) if np.isfinite(upper).any() else None,
+        all(s.initial in ("exact", "approx") and s.variability != "constant" for s in scalars),
     )
 
 

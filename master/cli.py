@@ -1,4 +1,4 @@
-"""Command line: `kitecosim run|build|compare|scenes`. What the commands do is in commands.py."""
+"""Command line: `kitecosim run|build|compare|scenes|couple`; the work is in commands.py and couple_command.py."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -175,6 +175,22 @@ def scenes(
     from master.commands import list_scenes
 
     _finish(lambda: list_scenes(scene))
+
+
+@app.command(short_help="Couple any FMI 2.0 co-simulation FMUs as a TOML file says.")
+def couple(
+    file: Annotated[Path, typer.Argument(help="TOML file: time, scheme, participants, connections (docs/couple.md).")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/NAME of FILE.")] = None,
+    report: Annotated[bool, typer.Option(help="Write plots too.")] = True,
+) -> None:
+    """Couple two or more FMI 2.0 co-simulation FMUs, of whatever maker, as FILE says; print a table, write results.
+
+    Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
+    (results up to there are still written), 2 bad input.
+    """
+    from master.couple_command import couple_file
+
+    _finish(lambda: couple_file(file, out, report))
 
 
 def _assignments(pairs: list[str] | None) -> dict[str, str]:

@@ -25,12 +25,13 @@ class CoupledStepFailed(ArithmeticError):
 
 @dataclass(frozen=True)
 class Connection:
-    """The block `output` of participant `source` is the block `input` of participant `target`."""
+    """`factor` times the block `output` of participant `source` is the block `input` of participant `target`."""
 
     source: str
     output: str
     target: str
     input: str
+    factor: float = 1.0
 
     @property
     def field(self) -> str:
@@ -39,6 +40,10 @@ class Connection:
 
     def __str__(self) -> str:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
+
+    def applied(self, values: np.ndarray) -> np.ndarray:
+        """What arrives when `values` are sent."""
+        return values if self.factor == 1.0 else self.factor * values
 
 
 class Exchange:
@@ -64,7 +69,7 @@ class Exchange:
     ) -> None:
         self.participants = dict(participants)
         self.connections = list(connections)
-        self.dt, self.time = float(dt), float(time)
+        self.dt, self.start, self.time = float(dt), float(time), float(time)
         self.substeps = dict.fromkeys(self.participants, 1) | dict(substeps or {})
         self.interpolation: Interpolation = interpolation
         self.rollback = rollback
@@ -144,7 +149,7 @@ class Exchange:
             inputs = {}
             for c in self._inputs[name]:
                 known = x[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field]
-                inputs[c] = known
+                inputs[c] = c.applied(known)
             with self.booked(name):
                 self._step(participant, name, inputs)
                 for field in {c.field: c for c in self.connections if c.source == name}.values():
@@ -167,7 +172,7 @@ class Exchange:
                     f"{self.described(name)} offers no directional derivatives; run the solvers in-process."
                 )
             changes = {
-                c.input: v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field]
+                c.input: c.applied(v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field])
                 for c in self._inputs[name]
             }
             start = time.perf_counter()
@@ -229,9 +234,10 @@ class Exchange:
         return {n: self.participants[n].save() for n in self.participants if n in self.saving()}
 
     def put_back(self, states: Mapping[str, Any]) -> None:
-        """Return the participants to `states`."""
+        """Return the participants to `states`; CoupledStepFailed if one cannot."""
         for name, state in states.items():
-            self.participants[name].restore(state)
+            with self.booked(name):
+                self.participants[name].restore(state)
 
     def freed(self, states: dict[str, Any]) -> None:
         """Give back what `states` hold."""
@@ -244,7 +250,8 @@ class Exchange:
         self.freed(self._states)
         self._states = self.saved() if self.rollback else {}
         ramps = [n for n, count in self.substeps.items() if count > 1]
-        self._began = {c: self.participants[c.source].get(c.output).copy() for n in ramps for c in self._inputs[n]}
+        ramped = [c for n in ramps for c in self._inputs[n]]
+        self._began = {c: c.applied(self.participants[c.source].get(c.output)).copy() for c in ramped}
 
     def rewind(self) -> None:
         """Return to the beginning of the communication step."""
@@ -254,7 +261,9 @@ class Exchange:
         """End a communication step: time goes on, the states of its beginning are freed."""
         self.abandon()
         if self.rollback:
-            self.time += self.dt
+            count = (self.time - self.start) / self.dt
+            exact = abs(count - round(count)) < 1e-6  # not summed up, so that long runs end where they are to end
+            self.time = self.start + (round(count) + 1) * self.dt if exact else self.time + self.dt
 
     def abandon(self) -> None:
         """Free the states of the beginning of the communication step; the participants stay as they are."""
@@ -264,20 +273,21 @@ class Exchange:
 
 
 class Warmth:
-    """Anchor of a coupling loop: the states of the participants at the best point so far."""
+    """Anchor of a coupling loop: the states of the participants at the best point so far, and their time."""
 
     def __init__(self, exchange: Exchange, states: dict[str, Any] | None = None) -> None:
         self._exchange = exchange
-        self.states = exchange.saved() if states is None else states
+        self.states, self._time = exchange.saved() if states is None else states, exchange.time
 
     def mark(self) -> None:
         """See Anchor."""
         self._exchange.freed(self.states)
-        self.states = self._exchange.saved()
+        self.states, self._time = self._exchange.saved(), self._exchange.time
 
     def restore(self) -> None:
         """See Anchor."""
         self._exchange.put_back(self.states)
+        self._exchange.time = self._time
 
     def close(self) -> None:
         """Free the states."""

@@ -1,16 +1,17 @@
 """The time loop: communication step by communication step, each a fixed point of the exchange."""
 
+import contextlib
 from array import array
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from master.acceleration import ConstantRelaxation, Scheme
 from master.convergence import Tolerance
-from master.exchange import Exchange, Order
+from master.exchange import CoupledStepFailed, Exchange, Order
 from master.fixed_point import FixedPointResult, Recovery, fixed_point
 
 STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled")
@@ -171,7 +172,8 @@ def march(
                 message = f"Communication step {len(now.steps)}, to {reached:g} s: {found.message}"
             usable = found is not None and np.all(np.isfinite(found.x_tilde))
             if ended not in GOOD and (strict or not usable):
-                exchange.rewind()
+                with contextlib.suppress(CoupledStepFailed):  # of a participant that has ended
+                    exchange.rewind()
                 break
             now.x = found.x_tilde
             exchange.accept()
@@ -210,7 +212,7 @@ def _implicit_step(
     """Status and result of one step, at most two attempts."""
 
     def attempt(x: np.ndarray) -> FixedPointResult:
-        return fixed_point(lambda x: exchange.evaluate(x, order), x, scheme, **settings)
+        return _solved(exchange, scheme, x, order, **settings)
 
     found = attempt(now.predictor.at(exchange.time + exchange.dt))
     events: list[Recovery] = list(found.recoveries)
@@ -233,10 +235,11 @@ def _explicit_step(exchange: Exchange, now: March, order: Order, recoveries: int
     """One exchange, repeated as it was if it fails and all participants can be put back."""
     if without_rollback(exchange):
         recoveries = 0
-    found = fixed_point(
-        lambda x: exchange.evaluate(x, order),
-        now.x,
+    found = _solved(
+        exchange,
         ConstantRelaxation(1.0),
+        now.x,
+        order,
         atol=ANY,
         max_iterations=recoveries + 1,
         recoveries=recoveries,
@@ -245,6 +248,20 @@ def _explicit_step(exchange: Exchange, now: March, order: Order, recoveries: int
     status = "recovered" if found.converged and found.recoveries else found.status
     _book(exchange, now, status, found, found.iterations, list(found.recoveries))
     return status, found
+
+
+def _solved(exchange: Exchange, scheme: Scheme, x: np.ndarray, order: Order, **settings: Any) -> FixedPointResult:
+    """The fixed point of the exchange from x; where nothing is sent back, one exchange is all there is to do."""
+    if x.size:
+        return fixed_point(lambda x: exchange.evaluate(x, order), x, scheme, **settings)
+
+    def same(one: np.ndarray) -> np.ndarray:
+        exchange.evaluate(x, order)
+        return one
+
+    limits = {key: settings[key] for key in ("max_iterations", "recoveries")}
+    found = fixed_point(same, np.zeros(1), ConstantRelaxation(1.0), atol=ANY, **limits)
+    return replace(found, x=x, x_tilde=x)
 
 
 def _book(

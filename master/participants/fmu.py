@@ -10,8 +10,8 @@ import shutil
 import tempfile
 import weakref
 from collections import deque
-from collections.abc import Mapping
-from ctypes import byref, c_char, c_size_t, c_void_p
+from collections.abc import Mapping, Sequence
+from ctypes import byref, c_char, c_char_p, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ def _hear(environment: int, _instance: bytes, status: int, _category: bytes, mes
 _LOGGER = fmi2CallbackLoggerTYPE(_hear)
 _PROXIED = fmi2CallbackFunctions()
 _PROXIED_POINTER = byref(_PROXIED)
-_WARNING, _DISCARD, _FATAL = 1, 2, 4  # fmi2Status
+_WARNING, _DISCARD, _ERROR, _FATAL = 1, 2, 3, 4  # fmi2Status
 
 
 def _needed(path: str) -> bool:
@@ -46,11 +46,25 @@ def _needed(path: str) -> bool:
     return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
 
 
+class FMU2Sparse(FMU2Slave):  # fmpy tells the version of FMI by the first letters of the name
+    """A library that may lack functions that nothing here needs of it, or only where a capability is declared."""
+
+    NEEDED = ("Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode",
+              "DoStep", "GetReal", "SetReal")  # fmt: skip
+
+    def _loadFunctions(self) -> None:
+        for name in dir(self):
+            if name.startswith("fmi2") and name[4:] not in self.NEEDED and not hasattr(self.dll, name):
+                setattr(self.dll, name, lambda *_: _ERROR)
+        super()._loadFunctions()
+
+
 class FmuParticipant(Blocks):
     """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
 
-    `parameters` (block -> value) are start values of parameters and inputs. What the FMU logs is kept, not printed:
-    `messages` holds the last (status, sentence) pairs.
+    `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
+    makes blocks beside those of `name[i,j]`: name -> (variables in row-major order, shape). What the FMU logs is kept,
+    not printed: `messages` holds the last (status, sentence) pairs.
     """
 
     def __init__(
@@ -59,6 +73,8 @@ class FmuParticipant(Blocks):
         parameters: Mapping[str, Any] | None = None,
         start_time: float = 0.0,
         stop_time: float | None = None,
+        named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]] | None = None,
+        texts: Mapping[str, str] | None = None,
     ) -> None:
         self.name = Path(path).name
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
@@ -69,11 +85,15 @@ class FmuParticipant(Blocks):
         self._states: dict[int | None, c_void_p] = {}
         self._initialised = False
         self._fmu: Any = None  # of fmpy, while it is alive
+        self._end = "is closed."
         try:
-            self._load(path)
+            self._load(path, named or {})
             for block, value in (parameters or {}).items():
                 self._put(block, self.checked(block, value, start=True))
             dll, defined = self._alive(), stop_time is not None
+            for name, text in (texts or {}).items():
+                reference, value = (c_uint * 1)(self._texts[name]), (c_char_p * 1)(text.encode())
+                self._require(dll.fmi2SetString, self._component, reference, 1, value)
             self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
             self._require(dll.fmi2EnterInitializationMode, self._component)
             self._require(dll.fmi2ExitInitializationMode, self._component)
@@ -82,7 +102,7 @@ class FmuParticipant(Blocks):
             self.close()
             raise
 
-    def _load(self, path: str | Path) -> None:
+    def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
         """Unpack, describe and instantiate."""
         try:
             extract(str(path), self._folder, include=_needed)
@@ -93,7 +113,10 @@ class FmuParticipant(Blocks):
             raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
+        variables = {variable.name: variable for variable in description.modelVariables}
+        self._texts = {name: v.valueReference for name, v in variables.items() if v.type == "String"}
         self._scalars = grouped(description.modelVariables)
+        self._scalars |= {name: ([variables[v] for v in listed], shape) for name, (listed, shape) in named.items()}
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self.limits = {name: described_limits(*block) for name, block in self._scalars.items()}
         self._channels: dict[str, Channel] = {}
@@ -107,7 +130,7 @@ class FmuParticipant(Blocks):
         before = os.getcwd()
         try:
             where = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": self._folder}
-            fmu = FMU2Slave(guid=description.guid, requireFunctions=False, **where)
+            fmu = FMU2Sparse(guid=description.guid, requireFunctions=False, **where)
             fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
             why = " ".join((self._reason or str(error)).split())
@@ -126,7 +149,7 @@ class FmuParticipant(Blocks):
     def _alive(self) -> Any:
         """The C functions."""
         if self._fmu is None:
-            raise ValueError(f"{self.name} is closed.")
+            raise ValueError(f"{self.name} {self._end}")
         return self._fmu.dll
 
     def _call(self, function: Any, *arguments: Any) -> int:
@@ -138,7 +161,8 @@ class FmuParticipant(Blocks):
         status: int = function(*arguments)
         if status == _FATAL:
             self._fmu = None  # no further call is allowed, not even the one that frees it
-            raise RuntimeError(f"{self.name} ended with fmi2Fatal: {self._reason or 'no reason logged'}")
+            self._end = f"ended with fmi2Fatal: {self._reason or 'no reason logged'}"
+            raise RuntimeError(f"{self.name} {self._end}")
         return status
 
     def _require(self, function: Any, *arguments: Any) -> None:

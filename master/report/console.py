@@ -28,6 +28,20 @@ def print_table(scene: Any, run: "Run", content: dict[str, Any]) -> None:
         console.print(f"{run.status}: {run.message}", soft_wrap=True, markup=False)
 
 
+def print_rows(title: str, rows: Iterable[tuple[str, str]], notes: Iterable[str] = ()) -> None:
+    """Names and texts as a table with a title on standard output, and notes below it."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=escape(title), show_header=False, title_justify="left")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    console = new_console()
+    console.print(table)
+    for note in notes:
+        console.print(note, soft_wrap=True, markup=False)
+
+
 def print_written(folder: Path, names: Iterable[str], remark: str = "") -> None:
     """Which files a run has left, and a remark on those it has not."""
     if remark:

@@ -4,11 +4,17 @@ import csv
 import json
 import re
 import shutil
+import sys
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import scenes
+from master.document import Member
+from master.schemes import SCHEMES
+from master.settings import Settings
 from scenes.description import _KNOWN
 from tests.docs.pages import DOCS, blocks, checked, give_files
 
@@ -22,6 +28,25 @@ def test_every_block_of_the_scripting_page_runs_and_prints_what_the_page_says(tm
     monkeypatch.chdir(tmp_path)
     wrong = checked(DOCS / "scripting.md")
     assert not wrong, "\n".join(wrong)
+
+
+def test_every_block_of_the_coupling_page_runs_and_prints_what_the_page_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))  # PythonFMU's builder adds to it
+    give_files(DOCS / "couple.md", tmp_path)
+    wrong = checked(DOCS / "couple.md")
+    assert not wrong, "\n".join(wrong)
+    with Path("results/trolley/results.csv").open() as file:
+        x = np.array([float(row["trolley.x"]) for row in csv.DictReader(file)])
+    assert x.min() == pytest.approx(-0.1, rel=1e-3)  # energy is kept; the turn is between two steps
+    assert json.loads(Path("results/section/summary.json").read_text())["status"] == "converged"
+
+
+def test_the_coupling_page_names_every_setting():
+    text = (DOCS / "couple.md").read_text()
+    keys = ["blocks" if entry.name == "names" else entry.name for entry in (*fields(Settings), *fields(Member))]
+    for name in (*keys, *SCHEMES):
+        assert f"`{name}`" in text
 
 
 def test_every_block_of_the_page_on_comparisons_runs_and_prints_what_the_page_says(tmp_path, monkeypatch):

@@ -1,0 +1,189 @@
+"""Any FMI 2.0 co-simulation FMUs coupled as a document says: through time, or to a fixed point in pseudo-time."""
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from master.document import Document
+from master.exchange import CoupledStepFailed, Exchange, Warmth
+from master.fixed_point import FixedPointResult, fixed_point
+from master.mapping import MappedParticipant
+from master.march import March, MarchResult, Predictor, Steps, march, without_rollback
+from master.schemes import scheme
+
+EXIT_CONVERGED, EXIT_NOT_CONVERGED = 0, 1
+
+# Told after every communication step (steady: evaluation): its number, the time s, the residual norm, the blocks that
+# are recorded by name.
+Follower = Callable[[int, float, float, Mapping[str, np.ndarray]], object]
+
+
+@dataclass(frozen=True, eq=False)
+class CoupleResult:
+    """End of a coupled run.
+
+    `status` and `message` as in `MarchResult`; `time` s is how far it came, `steps` what every communication step took
+    (steady: every evaluation is one), `values` the recorded blocks at the end, `seconds` the wall time of each
+    participant, of all ("total") and of loading the FMUs ("set_up"), `logs` the last (status of FMI, sentence) of each.
+    """
+
+    status: str
+    message: str
+    time: float
+    steps: Steps
+    evaluations: int
+    values: dict[str, np.ndarray]
+    seconds: dict[str, float]
+    logs: dict[str, list[tuple[int, str]]]
+
+    @property
+    def converged(self) -> bool:
+        """Whether every communication step was solved to tolerance."""
+        return self.status == "converged"
+
+
+@contextlib.contextmanager
+def opened(document: Document) -> Iterator[Exchange]:
+    """The participants of a document, loaded and initialised, as an exchange; they are closed at the end."""
+    s = document.settings
+    stop = s.stop if s.mode == "transient" else None
+    with contextlib.ExitStack() as stack:
+        participants = {}
+        for name, m in document.participants.items():
+            made = MappedParticipant(m.fmu, m.names, m.start, s.start, stop, document.described[name])
+            participants[name] = stack.enter_context(made)
+        yield document.exchange(participants)
+
+
+def couple(
+    document: Document | Mapping[str, Any] | str | Path,
+    out: str | Path | None = None,
+    report: bool = True,
+    follow: Follower | None = None,
+) -> CoupleResult:
+    """Couple the FMUs of a document, of its file, or of the content of one; results go to the folder `out` if given.
+
+    `report` draws plots too, where matplotlib is installed. ValueError in one sentence for bad input, before anything
+    is run; what fails in the run ends in a status.
+    """
+    if not isinstance(document, Document):
+        document = Document.of(document) if isinstance(document, Mapping) else Document.read(document)
+    begin = time.perf_counter()
+    with contextlib.ExitStack() as stack:
+        recorder = None
+        if out is not None:
+            from master.report.couple import Recorder
+
+            recorder = stack.enter_context(Recorder(Path(out), document))
+        exchange = stack.enter_context(opened(document))
+        ready = time.perf_counter()
+        run = Run(document, exchange, [f for f in (recorder, follow) if f is not None])
+        if recorder is not None:
+            recorder.steps = run.now.steps
+        ended = run.ended()
+        seconds = {"total": time.perf_counter() - begin, "set_up": ready - begin, **ended.seconds}
+        logs = {name: list(p.fmu.messages) for name, p in exchange.participants.items()}  # type: ignore[attr-defined]
+        result = CoupleResult(
+            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs
+        )
+        if recorder is not None:
+            recorder.finish(result, report)
+    return result
+
+
+class Run:
+    """One run of a document: `now` is where it stands, `values` the recorded blocks at the last step."""
+
+    def __init__(self, document: Document, exchange: Exchange, followers: list[Follower]) -> None:
+        self.document, self.exchange, self.followers = document, exchange, followers
+        self.number = 0
+        self.values: dict[str, np.ndarray] = {}
+        s = document.settings
+        self.now = March(exchange.present(s.order), Predictor(s.predictor))
+        self.now.predictor.add(exchange.time, self.now.x)
+
+    def ended(self) -> MarchResult:
+        """The run to its end."""
+        self._tell(np.nan)
+        s = self.document.settings
+        return self._steady() if s.mode == "steady" else self._transient()
+
+    def _transient(self) -> MarchResult:
+        s = self.document.settings
+        return march(
+            self.exchange,
+            None if s.scheme == "explicit" else scheme(s.scheme, self.exchange, s.order, **s.parameters),
+            s.stop,
+            s.order,
+            s.predictor,
+            s.atol,
+            s.rtol,
+            s.residual_rtol,
+            s.max_iterations,
+            s.strict,
+            s.recoveries,
+            callback=lambda _, __: self._follow(self.now.steps.residuals[-1]),
+            begun=self.now,
+        )
+
+    def _steady(self) -> MarchResult:
+        """One fixed point, every evaluation a step in pseudo-time; nothing is put back unless an evaluation failed."""
+        s, exchange, steps = self.document.settings, self.exchange, self.now.steps
+        safe = not without_rollback(exchange)
+
+        def evaluated(k: int, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray) -> None:
+            norm = float(np.linalg.norm(r))
+            steps.append(exchange.time, "max_iterations", 1, norm, 0)
+            if np.isfinite(norm):
+                self._follow(norm)
+
+        anchor = Warmth(exchange)
+        try:
+            found = fixed_point(
+                lambda x: exchange.evaluate(x, s.order),
+                self.now.x,
+                scheme(s.scheme, self.exchange, s.order, **s.parameters),
+                s.atol,
+                s.rtol,
+                s.residual_rtol,
+                s.max_iterations,
+                exchange.fields(s.order),
+                callback=evaluated,
+                recoveries=s.recoveries if safe else 0,
+                anchor=anchor if safe else None,
+            )
+        except CoupledStepFailed as error:  # a participant that has ended cannot be put back
+            status, message = "diverged", f"The run cannot go on: {error}"
+        else:
+            self.now.x, status, message = found.x_tilde, found.status, found.message
+            _judge(steps, found)
+        finally:
+            anchor.close()
+        return MarchResult(
+            status, message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
+        )
+
+    def _follow(self, residual: float) -> None:
+        self.number += 1
+        self._tell(float(residual))
+
+    def _tell(self, residual: float) -> None:
+        participants = self.exchange.participants
+        self.values = {f"{name}.{block}": participants[name].get(block) for name, block in self.document.record}
+        for follower in self.followers:
+            follower(self.number, self.exchange.time, residual, self.values)
+
+
+def _judge(steps: Steps, found: FixedPointResult) -> None:
+    """Give the last evaluation the status of the whole, and each recovery to the evaluation that it followed."""
+    from master.march import STATUSES
+
+    steps.codes[-1] = STATUSES.index(found.status)
+    for event in found.recoveries:
+        steps.recoveries[event.iteration - 1] += 1
+        steps.messages.append((event.iteration, str(event)))
