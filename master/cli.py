@@ -125,6 +125,9 @@ def compare(
             "SCENE.NAME keeps it (or a sweep) to one. Repeatable.",
         ),
     ] = None,
+    order: Annotated[
+        str, typer.Option(help="serial: flow, then structure; parallel: both at once; serial,parallel compares them.")
+    ] = "serial",
     backend: Annotated[
         str, typer.Option(help="in-process: the solvers without FMUs; fmu: build and load the FMUs of every cell.")
     ] = "in-process",
@@ -154,6 +157,7 @@ def compare(
 
     options = {
         "settings": _assignments(set_),
+        "orders": [part.strip() for part in order.split(",") if part.strip()],
         "backend": backend,
         "tolerance": tolerance,
         "force_tolerance": force_tolerance,

@@ -25,6 +25,7 @@ def compare(
     sweep: Mapping[str, Sequence[Any]] | None = None,
     settings: Mapping[str, Any] | None = None,
     *,
+    orders: str | Sequence[str] = ("serial",),
     backend: str = "in-process",
     tolerance: float = 1e-5,
     force_tolerance: float = 0.01,
@@ -41,8 +42,9 @@ def compare(
     are names of `master.schemes.SCHEMES`, all that the backend allows if None. `parameters` maps names of scheme
     parameters to a value or several, `iqn-ils.omega0` for one scheme, `omega` for all that have it. `settings` maps
     names of settings and parameters of the scenes to a value, `sweep` to several; a scene's name in front keeps them to
-    that scene. All combinations are solved. `tolerance` m, `force_tolerance` N and `max_iterations` are those of
-    `master.coupling.solve`; wall times are of the solve with the median one of `repeat`.
+    that scene. All combinations are solved, in each of the `orders` of exchange ("serial", "parallel"). `tolerance` m,
+    `force_tolerance` N and `max_iterations` are those of `master.coupling.solve`; wall times are of the solve with the
+    median one of `repeat`.
 
     `jobs` worker processes with one BLAS thread each (None: one a core) solve the cells. They start Python anew and
     load the calling script, so the call must stand below `if __name__ == "__main__":`. With `jobs=0` all is solved in
@@ -70,7 +72,8 @@ def compare(
     swept = {k: [_text(v) for v in values] for k, values in (sweep or {}).items()}
     if empty := next((k for k, values in [*listed.items(), *swept.items()] if not len(values)), None):
         raise ValueError(f"{empty} has no values; give at least one.")
-    cells = grid(paths, names, listed, {k: _text(v) for k, v in (settings or {}).items()}, swept, options)
+    ordered = [orders] if isinstance(orders, str) else list(orders)
+    cells = grid(paths, names, listed, {k: _text(v) for k, v in (settings or {}).items()}, swept, ordered, options)
     store = None
     if out is not None:
         results_folder(Path(out))

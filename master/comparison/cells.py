@@ -87,12 +87,14 @@ def _solve(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple
                 coupling.require_derivatives()
             except ValueError as error:
                 return {"status": "unavailable", "message": str(error)}, {}
+        order: Any = cell.order
         result = solve(
             coupling,
-            scheme(cell.scheme, coupling, **cell.parameters),
+            scheme(cell.scheme, coupling, order, **cell.parameters),
             atol=cell.tolerance,
             force_tolerance=cell.force_tolerance,
             max_iterations=cell.max_iterations,
+            order=order,
             tie_tolerance="solver_tolerance" not in given,
         )
         found = _row(coupling, result)

@@ -62,6 +62,7 @@ def _flat(cell: Cell, row: dict[str, Any]) -> dict[str, Any]:
         "label": cell.label,
         "scene": cell.scene,
         "scheme": cell.scheme,
+        "order": cell.order,
         "backend": cell.backend,
         "status": row["status"],
         "message": row["message"],

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from master.commands import BACKENDS, prepared
+from master.commands import BACKENDS, ORDERS, prepared
 from master.report.tables import versions
-from master.schemes import SCHEMES
+from master.schemes import SCHEMES, defaults
 
 # What a change of the code must not leave unnoticed; report and comparison only show the numbers.
 _NUMBERS = {"structural": "**/*.py", "aero": "**/*.py", "scenes": "*.py", "fmus": "*.py", "master": "**/*.py"}
@@ -36,6 +36,7 @@ class Cell:
     scheme: str
     parameters: dict[str, Any]
     label: str
+    order: str
     backend: str
     tolerance: float
     force_tolerance: float
@@ -57,24 +58,27 @@ def grid(
     parameters: Mapping[str, Sequence[Any]],
     assigned: Mapping[str, str],
     sweep: Mapping[str, Sequence[str]],
+    orders: Sequence[str],
     options: Mapping[str, Any],
 ) -> list[Cell]:
-    """All cells in the order of the scenes, their settings, the schemes, their parameters.
+    """All cells in the order of the scenes, their settings, the schemes, their parameters, the orders of exchange.
 
     Names in `parameters` may have a scheme in front, those of `assigned` and `sweep` a scene: `iqn-ils.reuse`,
     `v3_kite.wind_speed`; without it they go to all that have them. ValueError in one sentence for whatever is wrong.
     """
-    _checked(scenes, schemes, options)
+    _checked(scenes, schemes, orders, options)
     variants = _variants(schemes, parameters)
     cases = _cases(scenes, assigned, sweep)
     found, code = versions(), _code_digest()
     cells = []
     for scene, given, case in cases:
         digest = f"{_digest(scene.folder, ['**/*'])}-{code}"
-        for name, chosen, label in variants:
+        for (name, chosen, label), order in itertools.product(variants, orders):
+            shown = label if order == ORDERS[0] else f"{label} {order}"
+            used = {**defaults(name, order), **chosen}
             cells.append(
                 Cell(
-                    scene.name, str(scene.folder), given, case, name, chosen, label,
+                    scene.name, str(scene.folder), given, case, name, used, shown, order,
                     digest=digest, versions=found, **options,
                 )
             )  # fmt: skip
@@ -84,7 +88,7 @@ def grid(
     return cells
 
 
-def _checked(scenes: Sequence[str], schemes: Sequence[str], options: Mapping[str, Any]) -> None:
+def _checked(scenes: Sequence[str], schemes: Sequence[str], orders: Sequence[str], options: Mapping[str, Any]) -> None:
     if not scenes:
         raise ValueError("there is nothing to compare; name a scene, for example v3_kite.")
     if not schemes:
@@ -92,6 +96,9 @@ def _checked(scenes: Sequence[str], schemes: Sequence[str], options: Mapping[str
     for name in schemes:
         if name not in SCHEMES:
             raise ValueError(f"there is no scheme '{name}'; choose from: {', '.join(SCHEMES)}.")
+    for order in orders:
+        if order not in ORDERS:
+            raise ValueError(f"there is no order '{order}'; choose from: {', '.join(ORDERS)}.")
     if options["backend"] not in BACKENDS:
         raise ValueError(f"there is no backend '{options['backend']}'; choose one of: {', '.join(BACKENDS)}.")
     exact = [name for name in schemes if SCHEMES[name].exact]
@@ -106,7 +113,7 @@ def _checked(scenes: Sequence[str], schemes: Sequence[str], options: Mapping[str
 
 
 def _variants(schemes: Sequence[str], given: Mapping[str, Sequence[Any]]) -> list[tuple[str, dict[str, Any], str]]:
-    """(scheme, all its parameters, label) of every combination of the values given."""
+    """(scheme, its parameters that are given, label) of every combination of the values given."""
     lists: dict[str, dict[str, Sequence[Any]]] = {name: {} for name in schemes}
     for key, values in given.items():
         prefix, _, name = key.rpartition(".")
@@ -128,7 +135,7 @@ def _variants(schemes: Sequence[str], given: Mapping[str, Sequence[Any]]) -> lis
             needed: dict[str, Any] = {"product": np.copy} if SCHEMES[owner].exact else {}
             SCHEMES[owner](**needed, **chosen)  # refuses what it does not take
             label = " ".join([owner, *(f"{k}={_text(v)}" for k, v in chosen.items())])
-            out.append((owner, {**SCHEMES[owner].parameters, **chosen}, label))
+            out.append((owner, chosen, label))
     return out
 
 
