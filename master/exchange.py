@@ -93,7 +93,7 @@ class Exchange:
             if name not in self.participants:
                 raise ValueError(f"there is no participant '{name}'; there are: {known}.")
         for name, count in self.substeps.items():
-            if int(count) != count or count < 1:
+            if not (np.isfinite(count) and int(count) == count and count >= 1):
                 raise ValueError(f"participant {name} must make a whole number of substeps >= 1, not {count}.")
         if not (np.isfinite(self.dt) and self.dt > 0.0):
             raise ValueError(f"the communication step must be above zero, not {self.dt:g} s.")
