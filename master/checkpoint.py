@@ -16,7 +16,7 @@ from typing import Any
 from master.acceleration import Scheme
 from master.acceleration.scheme import adopt
 from master.coupling import CoupledResult, Coupling, Search
-from master.exchange import Exchange, Warmth
+from master.exchange import CoupledStepFailed, Exchange, Warmth
 from master.march import March
 
 MAGIC = b"kitecosim checkpoint 1\n"
@@ -57,9 +57,11 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
 def participants(exchange: Exchange, states: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Clock, counters and serialised states of the participants: the present ones, or `states` saved before."""
     now = exchange.saved() if states is None else dict(states)
-    kept = {name: exchange.participants[name].serialised(state) for name, state in now.items()}
-    if states is None:
-        exchange.freed(now)
+    try:
+        kept = {name: exchange.participants[name].serialised(state) for name, state in now.items()}
+    finally:
+        if states is None:
+            exchange.freed(now)
     return {"time": exchange.time, "evaluations": exchange.evaluations, "states": kept}
 
 
@@ -68,9 +70,13 @@ def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
     if missing := sorted(kept["states"].keys() ^ exchange.saving()):
         raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
     exchange.time, exchange.evaluations = kept["time"], kept["evaluations"]
-    states = {n: exchange.participants[n].deserialised(data) for n, data in kept["states"].items()}
+    states: dict[str, Any] = {}
     try:
+        for name, data in kept["states"].items():
+            states[name] = exchange.participants[name].deserialised(data)
         exchange.put_back(states)
+    except CoupledStepFailed as error:
+        raise ValueError(f"the checkpoint does not fit: {error}.") from error
     finally:
         exchange.freed(states)
 
@@ -83,6 +89,8 @@ def of_search(coupling: Coupling, scheme: Scheme, search: Search, warmth: Warmth
 
 def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
     """Put the participants back to where a coupled solve stood; what `solve` continues from."""
+    if "search" not in content:
+        raise ValueError("the checkpoint is not of a coupled equilibrium.")
     search: Search = content["search"]
     put_back(coupling, content["participants"])
     if content["best"] is not None:
@@ -94,6 +102,21 @@ def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
 def of_march(exchange: Exchange, scheme: Scheme | None, begun: March) -> dict[str, Any]:
     """Content of a checkpoint of a run through time."""
     return {"march": begun, "scheme": scheme, "participants": participants(exchange)}
+
+
+def march_of(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | None = None) -> March:
+    """Put the participants back to where a run through time stood; what `march` continues from as `begun`.
+
+    A `scheme` of the kind of then takes over its history. ValueError in one sentence for a checkpoint of something
+    else or of other participants.
+    """
+    if "march" not in content:
+        raise ValueError("the checkpoint is not of a run through time.")
+    put_back(exchange, content["participants"])
+    if scheme is not None:
+        adopt(scheme, content["scheme"])
+    begun: March = content["march"]
+    return begun
 
 
 @dataclass(frozen=True)
@@ -156,6 +179,7 @@ def restart(
     remark = f"went on from {path.name}, {was['coupling_iterations']} coupling iterations from its beginning"
     if not changed and not given and search.loop is not None:
         return search, [remark]
+    coupling.freed(search.best or {})
     for name in given:
         for participant in (coupling.structural, coupling.aero):
             if participant.causality.get(name) == "parameter":
