@@ -109,8 +109,8 @@ def fixed_point(
     Converged means |r|_2 <= atol + rtol |x_tilde|_2 + residual_rtol |r_1|_2 in every field, with r = x_tilde - x. A
     tolerance is one number or one per field (mapping by name, or sequence in the order of `fields`). r_1 is the first
     residual of the field that is not zero to rounding; one that is zero to rounding has converged. `fields` maps names
-    to slices or index arrays of the flattened x and covers it exactly once. `callback(k, x, x_tilde, r)` follows each
-    evaluation.
+    to slices or index arrays of the flattened x and covers it exactly once (none where x has no entries).
+    `callback(k, x, x_tilde, r)` follows each evaluation.
 
     Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
@@ -133,7 +133,7 @@ def fixed_point(
     if not growth_limit > 1.0 or stall_window < 0 or recoveries < 0:
         raise ValueError("growth_limit must be above 1, stall_window and recoveries not negative.")
     x0 = np.array(x0, dtype=float)
-    if not np.all(np.isfinite(x0)) or x0.size == 0:
+    if not np.all(np.isfinite(x0)) or (x0.size == 0 and fields is None):
         raise ValueError("x0 must have at least one entry and all its entries must be finite.")
     names, parts = partition(fields, x0.size)
     shape = x0.shape
