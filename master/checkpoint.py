@@ -49,7 +49,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
         if about.pop("sha256") != hashlib.sha256(data).hexdigest():
             raise ValueError
         content = pickle.loads(data)
-    except (ValueError, KeyError, pickle.PickleError, AttributeError, ImportError, EOFError):
+    except (ValueError, LookupError, TypeError, pickle.PickleError, AttributeError, ImportError, EOFError):
         raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
     return about, content
 

@@ -211,7 +211,7 @@ def solve(
                 scheme,
                 atol={name: search.tighter * atol if f == own else 0.0 for name, f in fields.items()},
                 rtol={name: 0.0 if f == own else search.tighter * LOADS for name, f in fields.items()},
-                max_iterations=max_iterations - done,
+                max_iterations=max(1, max_iterations - done),  # 0: a restart with fewer than were made
                 fields=fields,
                 callback=record,
                 anchor=warmth,
