@@ -4,6 +4,7 @@ The file has a line that says what it is, a line of JSON for people, and pickled
 Pickles can run code when they are read: read only files of your own.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -23,7 +24,9 @@ MAGIC = b"kitecosim checkpoint 1\n"
 
 
 def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]) -> None:
-    """Write a checkpoint, whole or not at all; `about` is what people read in its second line."""
+    """Write a checkpoint, whole or not at all; `about` is what people read in its second line. ValueError in one
+    sentence if it cannot be written.
+    """
     path = Path(path)
     data = pickle.dumps(dict(content), protocol=5)
     head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
@@ -31,8 +34,11 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
     try:
         part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
         os.replace(part, path)
+    except OSError as error:
+        raise ValueError(f"checkpoint {path} cannot be written ({(error.strerror or str(error)).lower()}).") from None
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
