@@ -12,7 +12,7 @@ import pytest
 
 import master
 from benchmarks.problems import in_process
-from master import checkpoint
+from master import checkpoint, commands
 from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
 from master.coupling import solve
 from master.exchange import Connection, Exchange
@@ -316,6 +316,15 @@ def test_a_state_that_cannot_be_written_is_refused_and_leaves_neither_file_nor_s
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_place_that_takes_no_file_is_refused_in_one_sentence(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "none" / "x", tmp_path / "folder", tmp_path / "file" / "x"):
+        with pytest.raises(ValueError, match=r"cannot be written \(.*\)\.$"):
+            checkpoint.write(path, {}, {})
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+
+
 def test_nothing_half_written_is_ever_at_its_place(tmp_path, monkeypatch):
     path = tmp_path / "kept.checkpoint"
     checkpoint.write(path, {"step": 1}, {"x": np.arange(3.0)})
@@ -338,7 +347,7 @@ def test_nothing_half_written_is_ever_at_its_place(tmp_path, monkeypatch):
 KILLED = """
 import os, sys
 from pathlib import Path
-from master import checkpoint
+from master import checkpoint, commands
 write_bytes = Path.write_bytes
 checkpoint.write(sys.argv[1], {"step": 1}, {"x": 1})
 def die(self, data):
@@ -373,7 +382,7 @@ FMUS = """
 import sys
 from pathlib import Path
 from benchmarks.problems import as_fmus
-from master import checkpoint
+from master import checkpoint, commands
 from master.coupling import solve
 from master.schemes import scheme
 
@@ -418,6 +427,45 @@ def test_fmus_in_a_new_process_go_on_bitwise(tmp_path):
     assert rest.returncode == 0, rest.stderr
     assert rest.stdout == whole.stdout
     assert rest.stdout.startswith("converged")
+
+
+CHOICES = {
+    "scheme": "iqn-ils",
+    "backend": "in-process",
+    "order": "serial",
+    "tolerance": 1e-5,
+    "force_tolerance": 0.01,
+    "max_iterations": 200,
+    "relaxation": None,
+    "stability": False,
+    "report": False,
+}
+
+
+def test_the_command_goes_on_from_the_end_of_another_run_with_another_wind(tmp_path):
+    path = tmp_path / "kept.checkpoint"
+    keep = checkpoint.Files(checkpoint=path)
+    assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
+    about_, _ = checkpoint.read(path)
+    assert about_["status"] == "converged"
+    onward = checkpoint.Files(restart=path)
+    counts = {}
+    for name, files in (("warm", onward), ("cold", checkpoint.Files())):
+        assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12.5"}, tmp_path / name, files) == 0
+        content = json.loads((tmp_path / name / "summary.json").read_text())
+        counts[name] = content["coupling_iterations"]
+        assert any("wind_speed 12.0 -> 12.5" in remark for remark in content["remarks"]) == (name == "warm")
+    assert counts["warm"] < counts["cold"]
+
+
+def test_the_command_refuses_other_settings_of_a_scene(tmp_path):
+    path = tmp_path / "kept.checkpoint"
+    keep, onward = checkpoint.Files(checkpoint=path), checkpoint.Files(restart=path)
+    assert commands.run_scene("typical_section", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
+    with pytest.raises(ValueError, match=r"is of scene_settings.*\.$"):
+        commands.run_scene("typical_section", CHOICES, {"variant": "restoring"}, tmp_path / "b", onward)
+    with pytest.raises(ValueError, match=r"--checkpoint-every must be at least 1.*\.$"):
+        commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", checkpoint.Files(path, 0))
 
 
 def test_every_scheme_can_be_pickled_with_its_history():

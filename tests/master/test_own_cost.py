@@ -23,7 +23,7 @@ def seconds(work, repeats=9):
 
 
 def filled(n, seed=0, most=200):
-    """A scheme with 50 columns of n entries in two fields, and steps of fresh data; with `most` columns the oldest go."""
+    """A scheme with 50 columns of n entries in two fields, and steps of fresh data; beyond `most` the oldest go."""
     rng = np.random.default_rng(seed)
     scheme = IQNILS(max_columns=most, reuse=0)
     scheme.begin([slice(0, n // 2), slice(n // 2, n)])
