@@ -4,6 +4,7 @@ The file has a line that says what it is, a line of JSON for people, and pickled
 Pickles can run code when they are read: read only files of your own.
 """
 
+import contextlib
 import hashlib
 import json
 import os
@@ -16,14 +17,16 @@ from typing import Any
 from master.acceleration import Scheme
 from master.acceleration.scheme import adopt
 from master.coupling import CoupledResult, Coupling, Search
-from master.exchange import Exchange, Warmth
+from master.exchange import CoupledStepFailed, Exchange, Warmth
 from master.march import March
 
 MAGIC = b"kitecosim checkpoint 1\n"
 
 
 def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]) -> None:
-    """Write a checkpoint, whole or not at all; `about` is what people read in its second line."""
+    """Write a checkpoint, whole or not at all; `about` is what people read in its second line. ValueError in one
+    sentence if it cannot be written.
+    """
     path = Path(path)
     data = pickle.dumps(dict(content), protocol=5)
     head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
@@ -31,8 +34,11 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
     try:
         part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
         os.replace(part, path)
+    except OSError as error:
+        raise ValueError(f"checkpoint {path} cannot be written ({(error.strerror or str(error)).lower()}).") from None
     finally:
-        part.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -49,7 +55,7 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
         if about.pop("sha256") != hashlib.sha256(data).hexdigest():
             raise ValueError
         content = pickle.loads(data)
-    except (ValueError, KeyError, pickle.PickleError, AttributeError, ImportError, EOFError):
+    except (ValueError, LookupError, TypeError, pickle.PickleError, AttributeError, ImportError, EOFError):
         raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
     return about, content
 
@@ -57,9 +63,11 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
 def participants(exchange: Exchange, states: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Clock, counters and serialised states of the participants: the present ones, or `states` saved before."""
     now = exchange.saved() if states is None else dict(states)
-    kept = {name: exchange.participants[name].serialised(state) for name, state in now.items()}
-    if states is None:
-        exchange.freed(now)
+    try:
+        kept = {name: exchange.participants[name].serialised(state) for name, state in now.items()}
+    finally:
+        if states is None:
+            exchange.freed(now)
     return {"time": exchange.time, "evaluations": exchange.evaluations, "states": kept}
 
 
@@ -68,9 +76,13 @@ def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
     if missing := sorted(kept["states"].keys() ^ exchange.saving()):
         raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
     exchange.time, exchange.evaluations = kept["time"], kept["evaluations"]
-    states = {n: exchange.participants[n].deserialised(data) for n, data in kept["states"].items()}
+    states: dict[str, Any] = {}
     try:
+        for name, data in kept["states"].items():
+            states[name] = exchange.participants[name].deserialised(data)
         exchange.put_back(states)
+    except CoupledStepFailed as error:
+        raise ValueError(f"the checkpoint does not fit: {error}.") from error
     finally:
         exchange.freed(states)
 
@@ -83,6 +95,8 @@ def of_search(coupling: Coupling, scheme: Scheme, search: Search, warmth: Warmth
 
 def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
     """Put the participants back to where a coupled solve stood; what `solve` continues from."""
+    if "search" not in content:
+        raise ValueError("the checkpoint is not of a coupled equilibrium.")
     search: Search = content["search"]
     put_back(coupling, content["participants"])
     if content["best"] is not None:
@@ -94,6 +108,21 @@ def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
 def of_march(exchange: Exchange, scheme: Scheme | None, begun: March) -> dict[str, Any]:
     """Content of a checkpoint of a run through time."""
     return {"march": begun, "scheme": scheme, "participants": participants(exchange)}
+
+
+def march_of(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | None = None) -> March:
+    """Put the participants back to where a run through time stood; what `march` continues from as `begun`.
+
+    A `scheme` of the kind of then takes over its history. ValueError in one sentence for a checkpoint of something
+    else or of other participants.
+    """
+    if "march" not in content:
+        raise ValueError("the checkpoint is not of a run through time.")
+    put_back(exchange, content["participants"])
+    if scheme is not None:
+        adopt(scheme, content["scheme"])
+    begun: March = content["march"]
+    return begun
 
 
 @dataclass(frozen=True)
@@ -156,6 +185,7 @@ def restart(
     remark = f"went on from {path.name}, {was['coupling_iterations']} coupling iterations from its beginning"
     if not changed and not given and search.loop is not None:
         return search, [remark]
+    coupling.freed(search.best or {})
     for name in given:
         for participant in (coupling.structural, coupling.aero):
             if participant.causality.get(name) == "parameter":

@@ -37,7 +37,7 @@ class Test:
         self.converged = bool(np.all((r <= tolerance) | ~significant))
         self.scale = np.where(self.scale == 0.0, tolerance, self.scale)
         with np.errstate(over="ignore"):
-            m = float(np.max(r / np.where(self.scale > 0.0, self.scale, np.inf)))
+            m = float(np.max(r / np.where(self.scale > 0.0, self.scale, np.inf), initial=0.0))
         if self.first == 0.0:
             self.first = m
         if m < 0.99 * self.best:

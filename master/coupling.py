@@ -1,5 +1,6 @@
 """Structure and flow as one coupled map, and its solution: displacement to the flow, loads to the structure."""
 
+import contextlib
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -183,7 +184,9 @@ def solve(
 
     def record(k: int, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray) -> None:
         norm = float(np.linalg.norm(r[own]))
-        row = {"iteration": float(len(history) + 1), "residual_m": norm, **coupling.scalars()}
+        row = {"iteration": float(len(history) + 1), "residual_m": norm}
+        with contextlib.suppress(ValueError, RuntimeError):  # of a solver that has ended
+            row |= coupling.scalars()
         if len(history) > 0:  # what the update that led here used
             row |= getattr(scheme, "record", {})
         history.append(row)
@@ -195,7 +198,10 @@ def solve(
     residual_N = float("nan")
     while True:
         done = len(history) if search.loop is None else len(history) - search.loop.evaluations
-        warmth = Warmth(coupling, search.best)
+        try:
+            warmth = Warmth(coupling, search.best)
+        except CoupledStepFailed as error:
+            raise RuntimeError(f"{error}.") from error
         loop, search.loop, search.best = search.loop, None, None
         now = search  # for the closure
 
@@ -211,7 +217,7 @@ def solve(
                 scheme,
                 atol={name: search.tighter * atol if f == own else 0.0 for name, f in fields.items()},
                 rtol={name: 0.0 if f == own else search.tighter * LOADS for name, f in fields.items()},
-                max_iterations=max_iterations - done,
+                max_iterations=max(1, max_iterations - done),  # 0: a restart with fewer than were made
                 fields=fields,
                 callback=record,
                 anchor=warmth,
@@ -233,8 +239,10 @@ def solve(
             coupling.set_tolerance(TIGHTEST)
         try:
             residual_N = coupling.imbalance(shown)
-        except CoupledStepFailed as error:
-            status, message, residual_N = "diverged", f"At the converged shape {error}.", float("nan")
+        except (CoupledStepFailed, ValueError, RuntimeError) as error:
+            if status == "converged":
+                status, message = "diverged", f"At the converged shape {str(error).rstrip('.')}."
+            residual_N = float("nan")
         if status != "converged" or residual_N <= force_tolerance:
             break
         if len(history) >= max_iterations:
@@ -250,7 +258,10 @@ def solve(
     seconds = {k: coupling.seconds[k] - before[k] for k in before}
     seconds["total"] = time.perf_counter() - begin
     if not np.all(np.isfinite(shown)):
-        shown = coupling.structural.get("displacement")
+        shown = result.x[own].reshape(shape)
+        with contextlib.suppress(ValueError, RuntimeError):
+            present = coupling.structural.get("displacement")
+            shown = present if np.all(np.isfinite(present)) else shown
     residual = float(result.field_residual_norms["structural.displacement"][-1])
     return CoupledResult(
         shown, status, message, len(history), residual, residual_N, history, seconds, search.recoveries

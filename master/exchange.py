@@ -98,7 +98,7 @@ class Exchange:
             if name not in self.participants:
                 raise ValueError(f"there is no participant '{name}'; there are: {known}.")
         for name, count in self.substeps.items():
-            if int(count) != count or count < 1:
+            if not (np.isfinite(count) and int(count) == count and count >= 1):
                 raise ValueError(f"participant {name} must make a whole number of substeps >= 1, not {count}.")
         if not (np.isfinite(self.dt) and self.dt > 0.0):
             raise ValueError(f"the communication step must be above zero, not {self.dt:g} s.")
@@ -175,9 +175,8 @@ class Exchange:
                 c.input: c.applied(v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field])
                 for c in self._inputs[name]
             }
-            start = time.perf_counter()
-            answers = participant.directional_derivative(changes)  # type: ignore[attr-defined]
-            self.seconds[name] += time.perf_counter() - start
+            with self.booked(name, "gave no derivative"):
+                answers = participant.directional_derivative(changes)  # type: ignore[attr-defined]
             self.products += 1
             sent |= {c.field: answers[c.output] for c in self.connections if c.source == name}
         return self._collected(fields, sent)
@@ -208,14 +207,14 @@ class Exchange:
         return x
 
     @contextlib.contextmanager
-    def booked(self, name: str) -> Iterator[None]:
+    def booked(self, name: str, failed: str = "refused a step") -> Iterator[None]:
         """Book the time of a participant; whatever it raises ends the coupled evaluation."""
         start = time.perf_counter()
         try:
             yield
         except Exception as error:
             reason = str(error).rstrip(".") or type(error).__name__
-            raise CoupledStepFailed(f"{self.described(name)} refused a step: {reason}") from error
+            raise CoupledStepFailed(f"{self.described(name)} {failed}: {reason}") from error
         finally:
             self.seconds[name] += time.perf_counter() - start
 
@@ -231,19 +230,29 @@ class Exchange:
 
     def saved(self) -> dict[str, Any]:
         """The states of all participants that can save one."""
-        return {n: self.participants[n].save() for n in self.participants if n in self.saving()}
+        states: dict[str, Any] = {}
+        try:
+            for name in self.participants:
+                if name in self.saving():
+                    with self.booked(name, "could not save its state"):
+                        states[name] = self.participants[name].save()
+        except BaseException:
+            self.freed(states)
+            raise
+        return states
 
     def put_back(self, states: Mapping[str, Any]) -> None:
         """Return the participants to `states`; CoupledStepFailed if one cannot."""
         for name, state in states.items():
-            with self.booked(name):
+            with self.booked(name, "could not be put back"):
                 self.participants[name].restore(state)
 
     def freed(self, states: dict[str, Any]) -> None:
-        """Give back what `states` hold."""
-        for name, state in states.items():
-            self.participants[name].free(state)
-        states.clear()
+        """Give back what `states` hold; a participant that has ended holds nothing any more."""
+        while states:
+            name, state = states.popitem()
+            with contextlib.suppress(ValueError, RuntimeError):
+                self.participants[name].free(state)
 
     def open(self, order: Order = "serial") -> None:
         """Begin a communication step: from here evaluations start, and inputs go from what is sent now."""
@@ -267,8 +276,7 @@ class Exchange:
 
     def abandon(self) -> None:
         """Free the states of the beginning of the communication step; the participants stay as they are."""
-        with contextlib.suppress(ValueError, RuntimeError):  # of a participant that has ended
-            self.freed(self._states)
+        self.freed(self._states)
         self._began = {}
 
 
@@ -291,5 +299,4 @@ class Warmth:
 
     def close(self) -> None:
         """Free the states."""
-        with contextlib.suppress(ValueError, RuntimeError):  # of a participant that has ended
-            self._exchange.freed(self.states)
+        self._exchange.freed(self.states)

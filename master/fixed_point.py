@@ -109,8 +109,8 @@ def fixed_point(
     Converged means |r|_2 <= atol + rtol |x_tilde|_2 + residual_rtol |r_1|_2 in every field, with r = x_tilde - x. A
     tolerance is one number or one per field (mapping by name, or sequence in the order of `fields`). r_1 is the first
     residual of the field that is not zero to rounding; one that is zero to rounding has converged. `fields` maps names
-    to slices or index arrays of the flattened x and covers it exactly once. `callback(k, x, x_tilde, r)` follows each
-    evaluation.
+    to slices or index arrays of the flattened x and covers it exactly once (none where x has no entries).
+    `callback(k, x, x_tilde, r)` follows each evaluation.
 
     Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
     "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
@@ -133,7 +133,7 @@ def fixed_point(
     if not growth_limit > 1.0 or stall_window < 0 or recoveries < 0:
         raise ValueError("growth_limit must be above 1, stall_window and recoveries not negative.")
     x0 = np.array(x0, dtype=float)
-    if not np.all(np.isfinite(x0)) or x0.size == 0:
+    if not np.all(np.isfinite(x0)) or (x0.size == 0 and fields is None):
         raise ValueError("x0 must have at least one entry and all its entries must be finite.")
     names, parts = partition(fields, x0.size)
     shape = x0.shape
@@ -169,7 +169,10 @@ def fixed_point(
             status, message = "converged", f"Converged in {k} evaluations of G."
             break
         if p.test.improved or p.best is None:
-            loop.mark(x, r)
+            failure = loop.mark(x, r)
+            if failure:
+                status, message = "diverged", f"After evaluation {k} {failure}."
+                break
         if measure > growth_limit * p.test.first:
             failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
             if k < max_iterations and loop.begin_anew(failure):
@@ -188,8 +191,9 @@ def fixed_point(
             break
         if k >= max_iterations:
             break
-        if not loop.advance(x, r):
-            status, message = "diverged", f"The update after evaluation {k} is not finite."
+        failure = loop.advance(x, r)
+        if failure:
+            status, message = "diverged", f"After evaluation {k} {failure}."
             break
     scheme.end(status, x, r)
     return FixedPointResult(
@@ -210,20 +214,32 @@ class _Loop:
     def __init__(self, progress: Progress, scheme: Any, recoveries: int, anchor: Anchor | None):
         self.progress, self.scheme, self.recoveries, self.anchor = progress, scheme, recoveries, anchor
 
-    def mark(self, x: np.ndarray, r: np.ndarray) -> None:
-        """Remember the best pair, and the state that goes with it."""
+    def mark(self, x: np.ndarray, r: np.ndarray) -> str:
+        """Remember the best pair, and the state that goes with it; why that failed, if it did."""
         self.progress.best = x.copy(), r.copy()
-        if self.anchor is not None:
-            self.anchor.mark()
+        try:
+            if self.anchor is not None:
+                self.anchor.mark()
+        except ArithmeticError as error:
+            return str(error).rstrip(".")
+        return ""
 
-    def advance(self, x: np.ndarray, r: np.ndarray) -> bool:
-        """By the scheme; an update that is not finite makes it begin anew. False if there is no finite one."""
-        with np.errstate(all="ignore"):
-            x_next = self.scheme.step(x, r)
+    def advance(self, x: np.ndarray, r: np.ndarray) -> str:
+        """By the scheme; an update that fails or is not finite makes it begin anew. Why there is none, if so."""
+        reason = self._update(x, r)
+        return "" if not reason or self.begin_anew(reason) else reason
+
+    def _update(self, x: np.ndarray, r: np.ndarray) -> str:
+        """Set the next x; why that failed, if it did."""
+        try:
+            with np.errstate(all="ignore"):
+                x_next = self.scheme.step(x, r)
+        except ArithmeticError as error:
+            return str(error).rstrip(".")
         if not np.all(np.isfinite(x_next)):
-            return self.begin_anew("the update was not finite")
+            return "the update was not finite"
         self.progress.x = x_next
-        return True
+        return ""
 
     def retreat(self, reason: str) -> bool:
         """Half-way to the best point after an evaluation that failed; False if nothing is left to try.
@@ -238,8 +254,9 @@ class _Loop:
         remedy = "tried again"
         if p.best is not None:
             p.x, remedy = p.best[0] + RETREAT * (p.x - p.best[0]), "tried again half-way to the best point"
+        if not self._restore():
+            return False
         p.recovered(reason, remedy)
-        self._restore()
         return True
 
     def begin_anew(self, reason: str) -> bool:
@@ -247,18 +264,20 @@ class _Loop:
         p, restart = self.progress, getattr(self.scheme, "restart", None)
         if len(p.recoveries) >= self.recoveries or restart is None or p.best is None or not restart():
             return False
-        with np.errstate(all="ignore"):
-            x_next = self.scheme.step(*p.best)
-        if not np.all(np.isfinite(x_next)):
+        # states first: a scheme may ask the solvers for derivatives, which are those of the best point then
+        if not self._restore() or self._update(*p.best):
             return False
-        p.x = x_next
         p.recovered(reason, "the scheme began anew from the best point")
-        self._restore()
         return True
 
-    def _restore(self) -> None:
-        if self.anchor is not None:
-            self.anchor.restore()
+    def _restore(self) -> bool:
+        """Put back what was marked; False if that fails, which ends the loop."""
+        try:
+            if self.anchor is not None:
+                self.anchor.restore()
+        except ArithmeticError:
+            return False
+        return True
 
 
 def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> tuple[np.ndarray, str]:

@@ -13,46 +13,12 @@ from master.acceleration import ConstantRelaxation, Scheme
 from master.convergence import Tolerance
 from master.exchange import CoupledStepFailed, Exchange, Order
 from master.fixed_point import FixedPointResult, Recovery, fixed_point
+from master.predictor import Predictor
 
 STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled")
 GOOD = ("converged", "recovered")
-PREDICTORS = ("constant", "linear", "quadratic")
 ANY = 1e300  # tolerance of the explicit scheme: one exchange is enough, whatever it leaves
 MESSAGES = 100  # sentences kept, so that a long run with many of them does not grow
-
-
-@dataclass
-class Predictor:
-    """Start of a communication step: extrapolation of the last accepted unknowns in time, of degree 0, 1 or 2.
-
-    While there are fewer accepted steps than the degree asks for, it is the highest that they allow.
-    """
-
-    kind: str = "linear"
-    _times: deque[float] = field(init=False, repr=False)
-    _values: deque[np.ndarray] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        if self.kind not in PREDICTORS:
-            raise ValueError(f"there is no predictor '{self.kind}'; choose one of: {', '.join(PREDICTORS)}.")
-        self._times, self._values = (deque(maxlen=PREDICTORS.index(self.kind) + 1) for _ in range(2))
-
-    def add(self, time: float, x: np.ndarray) -> None:
-        """Take the accepted unknowns (n,) at a time s."""
-        self._times.append(time)
-        self._values.append(np.array(x))
-
-    def at(self, time: float) -> np.ndarray:
-        """The unknowns (n,) expected at a time s (Lagrange)."""
-        t = np.array(self._times)
-        weights = [np.prod([(time - b) / (a - b) for j, b in enumerate(t) if j != i]) for i, a in enumerate(t)]
-        return np.sum([w * x for w, x in zip(weights, self._values, strict=True)], axis=0)
-
-    def forget(self) -> None:
-        """Keep only the last accepted unknowns."""
-        while len(self._times) > 1:
-            self._times.popleft()
-            self._values.popleft()
 
 
 @dataclass
@@ -92,11 +58,30 @@ class Steps:
 
 @dataclass
 class March:
-    """Where a run through time stands after a communication step: with the states of the participants, all of it."""
+    """Where a run through time stands after a communication step: with the states of the participants, all of it.
+
+    `clock` is when steps of the present size began: time s, steps before, and their size s. Counting from there,
+    times do not drift with the rounding of many sums.
+    """
 
     x: np.ndarray
     predictor: Predictor
     steps: Steps = field(default_factory=Steps)
+    clock: tuple[float, int, float] = (0.0, 0, 0.0)
+
+    def go_on(self, time: float, dt: float, predictor: str) -> None:
+        """Continue at a time with steps of dt s and a kind of predictor, which may be others than before."""
+        if self.clock[2] != dt:
+            self.clock = (time, len(self.steps), dt)
+        if self.predictor.kind != predictor:
+            was, self.predictor = self.predictor, Predictor(predictor)
+            for t, x in was.known():
+                self.predictor.add(t, x)
+
+    def time(self) -> float:
+        """End of the last step, s."""
+        begin, before, dt = self.clock
+        return begin + (len(self.steps) - before) * dt
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +136,9 @@ def march(
     if now is None:
         now = March(exchange.present(order), Predictor(predictor))
         now.predictor.add(exchange.time, now.x)
+    if now.x.size != sum(f.stop - f.start for f in exchange.fields(order).values()):
+        raise ValueError(f"the run to continue has {now.x.size} unknowns, not those of order {order} here.")
+    now.go_on(exchange.time, exchange.dt, predictor)
     count = round((stop_time - exchange.time) / exchange.dt)
     if abs(exchange.time + count * exchange.dt - stop_time) > 1e-6 * exchange.dt:
         raise ValueError(
@@ -159,9 +147,19 @@ def march(
     settings: dict[str, Any] = {"atol": atol, "rtol": rtol, "residual_rtol": residual_rtol}
     settings |= {"max_iterations": max_iterations, "fields": exchange.fields(order), "recoveries": recoveries}
     status, message = "converged", f"All {len(now.steps) + count} communication steps converged."
+    for k, earlier in enumerate(now.steps.statuses if begun else ()):
+        if earlier not in GOOD:
+            status, message = earlier, f"Communication step {k + 1}, to {now.steps.times[k]:g} s, did not converge."
+            break
     try:
         for _ in range(count):
-            exchange.open(order)
+            try:
+                exchange.open(order)
+            except CoupledStepFailed as error:
+                if status == "converged":
+                    status = "diverged"
+                    message = f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}."
+                break
             if scheme is None:
                 ended, found = _explicit_step(exchange, now, order, recoveries)
             else:
@@ -177,6 +175,7 @@ def march(
                 break
             now.x = found.x_tilde
             exchange.accept()
+            exchange.time = now.time()
             now.predictor.add(exchange.time, now.x)
             if callback is not None:
                 callback(exchange.time, found)
@@ -267,7 +266,9 @@ def _solved(exchange: Exchange, scheme: Scheme, x: np.ndarray, order: Order, **s
 def _book(
     exchange: Exchange, now: March, status: str, found: FixedPointResult, iterations: int, events: list[Recovery]
 ) -> None:
-    now.steps.append(exchange.time + exchange.dt, status, iterations, float(found.residual_norms[-1]), len(events))
+    begin, before, dt = now.clock
+    reached = begin + (len(now.steps) + 1 - before) * dt
+    now.steps.append(reached, status, iterations, float(found.residual_norms[-1]), len(events))
     for event in events:
         now.steps.messages.append((len(now.steps), str(event)))
     if status not in GOOD:

@@ -39,7 +39,7 @@ def coupled_run(
 ) -> Run:
     """Solve and judge. The status is that of the solve, or "statically_unstable" for a converged unstable equilibrium.
 
-    `options` go to `master.coupling.solve`.
+    `options` go to `master.coupling.solve`. RuntimeError with the reason if a solver has ended for good on the way.
     """
     result = solve(coupling, scheme, progress=progress, **options)
     judged = None
@@ -53,7 +53,10 @@ def coupled_run(
             message = f"The equilibrium is statically unstable: {judged.message}."
     blocks, causality = {}, {}
     for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
-        blocks[label] = {b: participant.get(b) for b in participant.blocks}
+        try:
+            blocks[label] = {b: participant.get(b) for b in participant.blocks}
+        except (ValueError, RuntimeError) as error:  # of a solver that has ended: nothing to make a record of
+            raise RuntimeError(message) from error
         causality[label] = dict(participant.causality)
     remarks = _remarks(blocks) + _stability_remarks(judged) + [f"recovered {r}" for r in result.recoveries]
     return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)

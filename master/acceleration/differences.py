@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from master.acceleration.scheme import Field, require_factor
+from master.acceleration.scheme import Field, require_factor, unit
 
 # Factor on the steps in directions that are not known yet, each time a scheme begins anew after it was led astray, and
 # how it grows back to 1 with every fall of the residual.
@@ -45,6 +45,9 @@ class QuasiNewton:
     def begin(self, fields: Sequence[Field]) -> None:
         """See Scheme."""
         if not _same(fields, self._fields):
+            last = max((int(np.max(f)) for f in fields if not isinstance(f, slice)), default=-1)
+            if last >= self._size:
+                self._require_size(last + 1)
             self._refield(tuple(fields))
             self._floor = np.zeros(len(fields))
         self._fields = tuple(fields)
@@ -54,20 +57,18 @@ class QuasiNewton:
 
     def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Next x, same shape and unit."""
-        before = None if self._last is None else np.linalg.norm(self._last[1])
-        self._learn(x, r)
-        norm = np.linalg.norm(r)
-        if before is not None and norm < before:
+        own = r / unit(r)
+        norm = np.linalg.norm(own)
+        if self._last is not None and norm < np.linalg.norm(self._last[1] / unit(r)):  # the residual falls
             self._careful = min(1.0, REGAINED * self._careful)
+        self._learn(x, r)
         if norm > 0.0:
-            self._shares = self._shares + np.array([np.linalg.norm(r[f]) for f in self._fields]) / norm
+            self._shares = self._shares + np.array([np.linalg.norm(own[f]) for f in self._fields]) / norm
             self._summands += 1
         if not self.columns:
             self.record = {"omega": self._careful * self.omega0, "columns": 0, "filtered": 0}
             return x + self._careful * self.omega0 * r
-        if self._size != x.size:
-            kind = type(self).__name__
-            raise ValueError(f"The stored columns do not have the {x.size} entries of x; pass a fresh {kind}.")
+        self._require_size(x.size)
         learnt, rest = self._quasi_newton(r)
         return x + r + learnt - (1.0 - self._careful) * rest
 
@@ -95,14 +96,19 @@ class QuasiNewton:
         if self._last is not None:
             dx, v = x - self._last[0], r - self._last[1]
             w = x + r - (self._last[0] + self._last[1])
-            moved = np.linalg.norm(dx) > 2.0 * np.finfo(float).eps * np.linalg.norm(x)
+            u = unit(x) if np.any(x) else unit(dx)
+            moved = np.linalg.norm(dx / u) > 2.0 * np.finfo(float).eps * np.linalg.norm(x / u)
             if moved and np.any(v) and np.all(np.isfinite(v)) and np.all(np.isfinite(w)):
-                if self.columns and self._size != v.size:
-                    kind = type(self).__name__
-                    raise ValueError(f"The stored columns do not have the {v.size} entries of x; pass a fresh {kind}.")
+                self._require_size(v.size)
                 self._size = v.size
                 self._insert(v, w)
         self._last = (np.array(x), np.array(r))
+
+    def _require_size(self, n: int) -> None:
+        """ValueError in one sentence if the columns have another number of entries."""
+        if self.columns and self._size != n:
+            kind = type(self).__name__
+            raise ValueError(f"The stored columns do not have the {n} entries of x; pass a fresh {kind}.")
 
     def _scales(self) -> np.ndarray:
         """s_f of each field, positive, (fields,)."""

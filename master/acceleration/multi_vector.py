@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from master.acceleration.differences import QuasiNewton
-from master.acceleration.scheme import Field, require_count, require_fraction
+from master.acceleration.scheme import Field, require_count, require_fraction, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,12 @@ class IQNIMVJ(QuasiNewton):
         if self._pairs:
             self._past.insert(0, self._block(self._size))
             self._pairs = []
-            while len(self._past) > 1 and self.columns > self.max_columns:
-                self._past.pop()
+            self._trim()
+
+    def _trim(self) -> None:
+        """Drop the oldest calls beyond `max_columns`."""
+        while self._past and self.columns > self.max_columns:
+            self._past.pop()
 
     def _forget(self) -> None:
         self._pairs, self._past = [], []
@@ -65,6 +69,7 @@ class IQNIMVJ(QuasiNewton):
     def _insert(self, v: np.ndarray, w: np.ndarray) -> None:
         self._pairs.insert(0, (v, w))
         del self._pairs[self.max_columns :]
+        self._trim()
 
     def _quasi_newton(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         rest, out = r.copy(), np.zeros_like(r)
@@ -88,7 +93,8 @@ class IQNIMVJ(QuasiNewton):
         for j, (v, w) in enumerate(self._pairs):
             if k == n:
                 break
-            q = D * v
+            u = unit(v)
+            q = D * (v / u)
             size = np.linalg.norm(q)
             h = Q[:k] @ q
             q -= h @ Q[:k]
@@ -97,7 +103,7 @@ class IQNIMVJ(QuasiNewton):
             rho = np.linalg.norm(q)
             if not rho > self.filter * size:
                 continue
-            g = (D * w - (h + correction) @ G[:k]) / rho
+            g = (D * (w / u) - (h + correction) @ G[:k]) / rho
             gain = float(np.linalg.norm(g))
             doubtful = j > 0 and rho < self.curved * size
             if doubtful and gain > largest:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from master.acceleration.scheme import Field, require_count, require_fraction
+from master.acceleration.scheme import Field, require_count, require_fraction, unit
 
 
 @dataclass
@@ -23,7 +23,7 @@ class NewtonKrylov:
     directions: int = 60
     record: dict[str, float] = field(init=False, default_factory=dict, repr=False)
     _fields: tuple[Field, ...] = field(init=False, default=(slice(None),), repr=False)
-    _before: float = field(init=False, default=0.0, repr=False)
+    _before: np.ndarray | None = field(init=False, default=None, repr=False)  # last residual of this call
     _careful: float = field(init=False, default=1.0, repr=False)
 
     def __post_init__(self) -> None:
@@ -36,16 +36,16 @@ class NewtonKrylov:
 
     def begin(self, fields: Sequence[Field]) -> None:
         """See Scheme."""
-        self._fields, self._before, self._careful = tuple(fields), 0.0, 1.0
+        self._fields, self._before, self._careful = tuple(fields), None, 1.0
 
     def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Next x, same shape and unit."""
         from scipy.sparse.linalg import LinearOperator, gmres  # loads slowly, and only this scheme needs it
 
-        s = np.ones_like(r)
+        s = np.full_like(r, unit(r))
         if len(self._fields) > 1:
             for f in self._fields:
-                s[f] = np.linalg.norm(x[f] + r[f]) or 1.0
+                s[f] = _size(x[f] + r[f]) or _size(r[f]) or 1.0
         count = 0
 
         def scaled(v: np.ndarray) -> np.ndarray:
@@ -55,10 +55,11 @@ class NewtonKrylov:
             out: np.ndarray = v - self.product(s * v) / s
             return out
 
-        size = float(np.linalg.norm(r))
-        eta = self.eta if not self._before else min(self.eta, 0.9 * (size / self._before) ** 2)
+        eta = self.eta
+        if self._before is not None and np.any(self._before):
+            eta = min(eta, 0.9 * float(np.linalg.norm(r / s) / np.linalg.norm(self._before / s)) ** 2)
         eta = max(eta, 1e-12)
-        self._before = size
+        self._before = np.array(r)
         operator = LinearOperator((r.size, r.size), matvec=scaled, dtype=float)
         most = min(self.directions, r.size)
         d, _ = gmres(operator, r / s, rtol=eta, atol=0.0, restart=most, maxiter=1)
@@ -71,5 +72,10 @@ class NewtonKrylov:
     def restart(self) -> bool:
         """Go on with steps of half the length."""
         self._careful *= 0.5
-        self._before = 0.0
+        self._before = None
         return True
+
+
+def _size(a: np.ndarray) -> float:
+    """|a|_2 without overflow or underflow of the squares."""
+    return unit(a) * float(np.linalg.norm(a / unit(a)))

@@ -7,7 +7,7 @@ import numpy as np
 
 from master.acceleration.columns import Columns
 from master.acceleration.differences import QuasiNewton
-from master.acceleration.scheme import Field, require_count, require_fraction
+from master.acceleration.scheme import Field, require_count, require_fraction, unit
 
 
 @dataclass
@@ -108,7 +108,8 @@ class IQNILS(QuasiNewton):
         v = np.concatenate([own.factors / s_f for own, s_f in zip(self._V, s, strict=True)])[:, ::-1].T
         w = np.concatenate([own.factors / s_f for own, s_f in zip(self._W, s, strict=True)])[:, ::-1].T
         known = [own.basis @ (r[f] / s_f) for f, own, s_f in zip(self._fields, self._V, s, strict=True)]
-        Q, G = self._filtered(v, w)
+        u = unit(v, axis=1)[:, None]
+        Q, G = self._filtered(v / u, w / u)
         self.record = {"columns": len(Q), "filtered": len(v) - len(Q)}
         c = Q @ np.concatenate(known)
         learnt = self._whole(self._W, -(c @ G), s)

@@ -47,6 +47,14 @@ def adopt(scheme: Any, earlier: Any) -> bool:
     return True
 
 
+def unit(a: np.ndarray, axis: int | None = None) -> Any:
+    """Power of two near max |a|, 1 where that is zero or not finite: a / unit is exact, and its squares neither
+    overflow nor underflow. With `axis` one for each of the others.
+    """
+    largest = np.max(np.abs(a), axis=axis, initial=0.0)
+    return np.ldexp(1.0, np.where(np.isfinite(largest), np.minimum(np.frexp(largest)[1], 1023), 0))
+
+
 def require_factor(name: str, value: float) -> None:
     """ValueError if a factor of relaxation is zero or not finite."""
     if not (math.isfinite(value) and value != 0.0):

@@ -53,8 +53,9 @@ def residual_plot(history: list[float], tolerance: float, width: int = WIDEST, r
 
     Values that are zero or not finite stand at the lower and upper edge.
     """
+    width = max(1, width)
     shown = history[-width:]
-    finite = [math.log10(r) for r in (*shown, tolerance) if 0.0 < r < math.inf]
+    finite = [math.log10(r) for r in (*shown, tolerance) if 0.0 < r < math.inf] or [0.0]
     low, high = math.floor(min(finite)), math.ceil(max(finite))
     high = max(high, low + 1)
 

@@ -95,3 +95,63 @@ class Spring(Toy):
     def advance(self, t, dt):
         x = self.values["x"]
         self.values["f"] = -self.k * x - self.c * x**3
+
+
+class Faulty:
+    """A participant wrapped so that it fails: `faults` and `steps` as in `Toy`; it counts saved states and repeats all
+    else. "dead" makes every call fail from then on.
+    """
+
+    def __init__(self, inner, faults=None):
+        self._inner = inner
+        self.faults = faults or {}
+        self.steps = self.alive = 0
+        self._spoilt = self._dead = False
+
+    def __getattr__(self, name):
+        return getattr(self._inner, name)
+
+    def _live(self):
+        if self._dead:
+            raise ValueError("the solver is closed.")
+        return self._inner
+
+    def set(self, block, values):
+        self._live().set(block, values)
+
+    def step(self, t, dt):
+        self.steps += 1
+        fault = self.faults.get(self.steps, self.faults.get("always"))
+        self._spoilt = fault == "nan"
+        if fault == "dead":
+            self._dead = True
+            raise RuntimeError("the solver ended with fmi2Fatal")
+        if fault == "discard":
+            raise StepFailed("the step was discarded")
+        if fault == "raise":
+            raise KeyError("a fault of the solver")
+        if fault == "interrupt":
+            raise KeyboardInterrupt
+        self._live().step(t, dt)
+
+    def get(self, block):
+        values = self._live().get(block)
+        spoilt = self._spoilt and self._inner.causality[block] == "output" and values.ndim > 0
+        return np.full_like(values, np.nan) if spoilt else values
+
+    def save(self):
+        state = self._live().save()
+        self.alive += 1
+        return state
+
+    def restore(self, state):
+        self._live().restore(state)
+        self._spoilt = False
+
+    def free(self, state):
+        self.alive -= 1
+        self._live().free(state)
+
+    def deserialised(self, data):
+        self.alive += 1
+        return self._live().deserialised(data)

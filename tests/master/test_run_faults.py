@@ -1,0 +1,209 @@
+"""Coupled runs of scenes whose solvers fail: they recover and say so, or end with a status and leave nothing behind."""
+
+import contextlib
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.problems import BACKENDS, in_process
+from master import checkpoint, commands
+from master.coupling import Coupling, solve
+from master.run import coupled_run, summary
+from master.schemes import scheme
+from tests.master.toys import Faulty
+
+SETTINGS = {"scene": "x", "scheme": "iqn-ils", "backend": "in-process"}
+
+
+def wrapped(coupling, faults, where):
+    """The same coupling with faults in one of its solvers."""
+    pair = {"structural": Faulty(coupling.structural), "aero": Faulty(coupling.aero)}
+    pair[where].faults = faults
+    return Coupling(pair["structural"], pair["aero"])
+
+
+def alive(coupling):
+    return coupling.structural.alive, coupling.aero.alive
+
+
+@pytest.fixture(scope="module")
+def sound():
+    """Undisturbed runs of the kite: scheme -> run."""
+    found = {}
+
+    def of(name):
+        if name not in found:
+            coupling = in_process("v3_kite", wind_speed=12.0)
+            found[name] = coupled_run(coupling, scheme(name, coupling))
+        return found[name]
+
+    return of
+
+
+# the solvers of the kite fail at their first coupling iteration, the third, or one in the middle
+@pytest.mark.parametrize("at", [1, 3, 6])
+@pytest.mark.parametrize("fault", ["nan", "raise", "discard"])
+@pytest.mark.parametrize("where", ["structural", "aero"])
+def test_a_fault_of_a_solver_of_the_kite_is_overcome_and_reported(sound, where, fault, at):
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {at: fault}, where)
+    run = coupled_run(coupling, scheme("iqn-ils"))
+    assert run.status == "converged"
+    assert alive(coupling) == (0, 0)
+    content = summary(run, SETTINGS)
+    (recovery,) = content["recoveries"]
+    assert recovery["iteration"] == at
+    assert recovery["remedy"]
+    names = {"nan": "finite", "raise": "a fault of the solver", "discard": "the step was discarded"}
+    assert names[fault] in recovery["reason"]
+    assert fault == "nan" or f"the {where} solver" in recovery["reason"]
+    assert any(remark.startswith(f"recovered after evaluation {at}") for remark in content["remarks"])
+    json.dumps(content["recoveries"])
+    # both within 1e-5 m of the residual, and (I - G')^-1 is below 10 for this kite
+    assert np.abs(run.result.displacement - sound("iqn-ils").result.displacement).max() < 1e-4
+    assert run.result.iterations <= sound("iqn-ils").result.iterations + 4
+
+
+@pytest.mark.parametrize("name", ["aitken", "iqn-imvj", "newton-krylov", "relaxation"])
+@pytest.mark.parametrize("at", [1, 4])
+def test_every_scheme_overcomes_a_fault(sound, name, at):
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {at: "discard"}, "structural")
+    run = coupled_run(coupling, scheme(name, coupling))
+    assert run.status == "converged"
+    assert len(run.result.recoveries) == 1
+    assert alive(coupling) == (0, 0)
+    assert np.abs(run.result.displacement - sound(name).result.displacement).max() < 1e-4  # as above
+
+
+@pytest.mark.parametrize("fault", ["nan", "raise", "discard"])
+@pytest.mark.parametrize("where", ["structural", "aero"])
+def test_a_fault_of_an_fmu_is_overcome(where, fault):
+    with BACKENDS["FMU"]("typical_section", wind_speed=12.0) as fmus:
+        coupling = wrapped(fmus, {2: fault}, where)
+        run = coupled_run(coupling, scheme("iqn-ils"), atol=1e-8)
+        assert run.status == "converged"
+        assert len(run.result.recoveries) == 1
+        assert alive(coupling) == (0, 0)
+        assert not fmus.structural._states
+        assert not fmus.aero._states
+    reference = solve(in_process("typical_section", wind_speed=12.0), scheme("iqn-ils"), atol=1e-8)
+    assert np.abs(run.result.displacement - reference.displacement).max() < 1e-7  # residual over 1 - q / q_D > 0.5
+
+
+@pytest.mark.parametrize("first", [1, 4])
+@pytest.mark.parametrize("fault", ["nan", "raise", "discard"])
+@pytest.mark.parametrize("where", ["structural", "aero"])
+def test_a_solver_that_keeps_failing_ends_as_diverged(where, fault, first):
+    faults = dict.fromkeys(range(first, 500), fault)
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), faults, where)
+    run = coupled_run(coupling, scheme("iqn-ils"))
+    assert run.status == "diverged"
+    assert run.message.endswith(".")
+    assert {"nan": "finite", "raise": "a fault of the solver", "discard": "discarded"}[fault] in run.message
+    assert alive(coupling) == (0, 0)
+    assert len(run.result.recoveries) == 3
+    assert run.result.iterations == len(run.result.history) == first + 3
+    assert np.all(np.isfinite(run.result.displacement))
+    summary(run, SETTINGS)
+
+
+@pytest.mark.parametrize("backend", ["in-process", "FMU"])
+def test_the_command_ends_with_exit_code_1_and_says_why(backend, tmp_path, monkeypatch):
+    made = commands.pair
+
+    @contextlib.contextmanager
+    def failing(*arguments):
+        with made(*arguments) as coupling:
+            yield wrapped(coupling, {"always": "discard"}, "aero")
+
+    monkeypatch.setattr(commands, "pair", failing)
+    choices = {
+        "scheme": "iqn-ils", "backend": "in-process" if backend == "in-process" else "fmu", "order": "serial",
+        "tolerance": 1e-5, "force_tolerance": 0.01, "max_iterations": 50, "relaxation": None, "stability": True,
+        "report": False,
+    }  # fmt: skip
+    assert commands.run_scene("typical_section", choices, {}, tmp_path) == 1
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["status"] == "diverged"
+    assert "the step was discarded" in content["message"]
+    assert len(content["recoveries"]) == 3
+
+
+def test_a_solver_that_ended_is_reported_with_its_reason():
+    for where in ("structural", "aero"):
+        coupling = wrapped(in_process("typical_section", wind_speed=12.0), {2: "dead"}, where)
+        with pytest.raises(RuntimeError, match=f"the {where} solver .* fmi2Fatal"):
+            coupled_run(coupling, scheme("iqn-ils"))
+
+
+@pytest.mark.parametrize("at", [1, 2, 5])
+def test_an_interrupt_leaves_no_saved_state(at):
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {at: "interrupt"}, "aero")
+    with pytest.raises(KeyboardInterrupt):
+        coupled_run(coupling, scheme("iqn-ils"))
+    assert alive(coupling) == (0, 0)
+
+    def stop(k, residual):
+        if k == at:
+            raise KeyboardInterrupt
+
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {}, "aero")
+    with pytest.raises(KeyboardInterrupt):
+        coupled_run(coupling, scheme("iqn-ils"), progress=stop)
+    assert alive(coupling) == (0, 0)
+
+
+def test_a_solver_that_cannot_save_ends_in_a_sentence_and_frees_the_other():
+    class Unsaved(Faulty):
+        def save(self):
+            raise MemoryError("no memory left")
+
+    whole = in_process("typical_section", wind_speed=12.0)
+    coupling = Coupling(Unsaved(whole.structural), Faulty(whole.aero))
+    with pytest.raises((ValueError, RuntimeError), match="could not save its state: no memory left"):
+        coupled_run(coupling, scheme("iqn-ils"))
+    assert alive(coupling) == (0, 0)
+
+
+def test_a_save_that_fails_later_ends_in_a_status():
+    class Full(Faulty):
+        saves = 0
+
+        def save(self):
+            self.saves += 1
+            if self.saves == 3:
+                raise MemoryError("no memory left")
+            return super().save()
+
+    whole = in_process("v3_kite", wind_speed=12.0)
+    coupling = Coupling(Full(whole.structural), Faulty(whole.aero))
+    run = coupled_run(coupling, scheme("iqn-ils"))
+    assert run.status == "diverged"
+    assert "no memory left" in run.message
+    assert alive(coupling) == (0, 0)
+
+
+def test_a_restart_that_begins_a_new_loop_frees_what_it_read(tmp_path):
+    path = tmp_path / "kept.checkpoint"
+    about = {"scene": "v3_kite", "scene_settings": {}, "parameters": {}, "order": "serial", "tolerance": 1e-5}
+
+    class Stop(Exception):
+        pass
+
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {}, "aero")
+    used = scheme("iqn-ils")
+    keeper = checkpoint.Keeper(path, 1, coupling, used, about)
+
+    def hold(search, warmth):
+        keeper(search, warmth)
+        if len(search.history) == 4:
+            raise Stop
+
+    with pytest.raises(Stop):
+        solve(coupling, used, hold=hold)
+    assert alive(coupling) == (0, 0)
+    for changed in ({}, {"tolerance": 1e-6}):
+        again, used = wrapped(in_process("v3_kite", wind_speed=12.0), {}, "aero"), scheme("iqn-ils")
+        search, _ = checkpoint.restart(path, again, used, about | changed, {})
+        assert solve(again, used, search=search).status == "converged"
+        assert alive(again) == (0, 0)
