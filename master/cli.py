@@ -186,15 +186,24 @@ def couple(
     file: Annotated[Path, typer.Argument(help="TOML file: time, scheme, participants, connections (docs/couple.md).")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/NAME of FILE.")] = None,
     report: Annotated[bool, typer.Option(help="Write plots too.")] = True,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="File that keeps where the run stands, so that it can go on after an end.")
+    ] = None,
+    checkpoint_every: Annotated[int, typer.Option(help="Communication steps from checkpoint to checkpoint.")] = 10,
+    restart: Annotated[
+        Path | None,
+        typer.Option(help="Go on from this checkpoint (of your own); scheme, tolerances, step, stop may be others."),
+    ] = None,
 ) -> None:
     """Couple two or more FMI 2.0 co-simulation FMUs, of whatever maker, as FILE says; print a table, write results.
 
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
     (results up to there are still written), 2 bad input.
     """
+    from master.checkpoint import Files
     from master.couple_command import couple_file
 
-    _finish(lambda: couple_file(file, out, report))
+    _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart)))
 
 
 def _assignments(pairs: list[str] | None) -> dict[str, str]:

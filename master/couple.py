@@ -9,14 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from master import checkpoint
+from master.checkpoint import Files
 from master.document import Document
 from master.exchange import CoupledStepFailed, Exchange, Warmth
 from master.fixed_point import FixedPointResult, fixed_point
 from master.mapping import MappedParticipant
-from master.march import March, MarchResult, Predictor, Steps, march, without_rollback
+from master.march import March, MarchResult, Steps, march, without_rollback
+from master.predictor import Predictor
 from master.schemes import scheme
 
 EXIT_CONVERGED, EXIT_NOT_CONVERGED = 0, 1
+NO_FILES = Files()
 
 # Told after every communication step (steady: evaluation): its number, the time s, the residual norm, the blocks that
 # are recorded by name.
@@ -65,10 +69,12 @@ def couple(
     out: str | Path | None = None,
     report: bool = True,
     follow: Follower | None = None,
+    files: Files = NO_FILES,
 ) -> CoupleResult:
     """Couple the FMUs of a document, of its file, or of the content of one; results go to the folder `out` if given.
 
-    `report` draws plots too, where matplotlib is installed. ValueError in one sentence for bad input, before anything
+    `report` draws plots too, where matplotlib is installed. `files` says where a run through time keeps checkpoints and
+    which one it goes on from; the results then begin there. ValueError in one sentence for bad input, before anything
     is run; what fails in the run ends in a status.
     """
     if not isinstance(document, Document):
@@ -82,7 +88,7 @@ def couple(
             recorder = stack.enter_context(Recorder(Path(out), document))
         exchange = stack.enter_context(opened(document))
         ready = time.perf_counter()
-        run = Run(document, exchange, [f for f in (recorder, follow) if f is not None])
+        run = Run(document, exchange, [f for f in (recorder, follow) if f is not None], files)
         if recorder is not None:
             recorder.steps = run.now.steps
         ended = run.ended()
@@ -99,13 +105,47 @@ def couple(
 class Run:
     """One run of a document: `now` is where it stands, `values` the recorded blocks at the last step."""
 
-    def __init__(self, document: Document, exchange: Exchange, followers: list[Follower]) -> None:
-        self.document, self.exchange, self.followers = document, exchange, followers
-        self.number = 0
+    def __init__(
+        self, document: Document, exchange: Exchange, followers: list[Follower], files: Files = NO_FILES
+    ) -> None:
+        self.document, self.exchange, self.followers, self.files = document, exchange, followers, files
         self.values: dict[str, np.ndarray] = {}
         s = document.settings
-        self.now = March(exchange.present(s.order), Predictor(s.predictor))
-        self.now.predictor.add(exchange.time, self.now.x)
+        self.scheme = None if s.scheme == "explicit" else scheme(s.scheme, exchange, s.order, **s.parameters)
+        if files.checkpoint is not None or files.restart is not None:
+            self._check_checkpoints()
+        if files.restart is None:
+            self.now = March(exchange.present(s.order), Predictor(s.predictor))
+            self.now.predictor.add(exchange.time, self.now.x)
+        else:
+            _, content = checkpoint.read(files.restart)
+            self.now = checkpoint.march_of(exchange, content, self.scheme)
+        self.number = len(self.now.steps)
+
+    def _check_checkpoints(self) -> None:
+        """ValueError in one sentence where a run cannot be kept in a file."""
+        if self.document.settings.mode == "steady":
+            raise ValueError("checkpoints are of runs through time; a steady run is one fixed point.")
+        for name in without_rollback(self.exchange):
+            raise ValueError(f"{self.exchange.described(name)} cannot save its state, so there are no checkpoints.")
+        divided = any(count > 1 for count in self.exchange.substeps.values())
+        for name, participant in self.exchange.participants.items():
+            if divided and not getattr(participant, "saves_state", True):
+                raise ValueError(
+                    f"{self.exchange.described(name)} cannot save its state, and substeps need what it sent last, so "
+                    "there are no checkpoints."
+                )
+            if getattr(participant, "saves_state", True) and not getattr(participant, "serialises_state", True):
+                raise ValueError(
+                    f"{self.exchange.described(name)} cannot write its state to a file (no canSerializeFMUstate), "
+                    "so there are no checkpoints."
+                )
+
+    def _hold(self, now: March) -> None:
+        last = self.exchange.time > self.document.settings.stop - 0.5 * self.exchange.dt
+        if self.files.checkpoint is not None and (last or len(now.steps) % self.files.every == 0):
+            about = {"document": self.document.file, "time": self.exchange.time, "steps": len(now.steps)}
+            checkpoint.write(self.files.checkpoint, about, checkpoint.of_march(self.exchange, self.scheme, now))
 
     def ended(self) -> MarchResult:
         """The run to its end."""
@@ -117,7 +157,7 @@ class Run:
         s = self.document.settings
         return march(
             self.exchange,
-            None if s.scheme == "explicit" else scheme(s.scheme, self.exchange, s.order, **s.parameters),
+            self.scheme,
             s.stop,
             s.order,
             s.predictor,
@@ -128,6 +168,7 @@ class Run:
             s.strict,
             s.recoveries,
             callback=lambda _, __: self._follow(self.now.steps.residuals[-1]),
+            hold=self._hold,
             begun=self.now,
         )
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from master.couple import EXIT_CONVERGED, EXIT_NOT_CONVERGED, Follower, couple
+from master.checkpoint import Files
+from master.couple import EXIT_CONVERGED, EXIT_NOT_CONVERGED, NO_FILES, Follower, couple
 from master.document import Document
 from master.report.console import print_rows, print_written
 from master.report.couple import NO_PLOT, RESULTS, result_rows
@@ -15,12 +16,14 @@ from master.report.couple import NO_PLOT, RESULTS, result_rows
 SHOWN = 8  # sentences about steps, and inputs without a source, on the terminal
 
 
-def couple_file(path: Path, out: Path | None = None, report: bool = True) -> int:
+def couple_file(path: Path, out: Path | None = None, report: bool = True, files: Files = NO_FILES) -> int:
     """Couple the FMUs of a file, print its table, write its results; the exit code."""
+    if files.every < 1:
+        raise ValueError(f"--checkpoint-every must be at least 1, not {files.every}.")
     document = Document.read(path)
     out = out or Path("results") / path.stem
     with _progress(document) as follow:
-        result = couple(document, out, report, follow)
+        result = couple(document, out, report, follow, files)
     left = document.unconnected()
     more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
     notes = [f"note: inputs without a source keep their start values: {', '.join(left[:SHOWN])}{more}"] if left else []

@@ -7,7 +7,7 @@ from typing import Any, get_args
 from master.convergence import Tolerance
 from master.entries import Table
 from master.exchange import Interpolation, Order
-from master.march import PREDICTORS
+from master.predictor import PREDICTORS
 from master.schemes import SCHEMES, scheme
 
 MODES = ("transient", "steady")

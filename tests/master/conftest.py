@@ -19,3 +19,12 @@ def with_wheel(foreign):
     """The same folder with wheel.fmu too."""
     wheel_fmu(foreign)
     return foreign
+
+
+@pytest.fixture(scope="session")
+def serialising(tmp_path_factory):
+    """A folder with the same FMUs, the wall of which can write its state too."""
+    folder = tmp_path_factory.mktemp("serialising")
+    python_fmu("wall", WALL, folder, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
+    python_fmu("fluid", FLUID, folder)
+    return folder
