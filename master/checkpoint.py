@@ -178,7 +178,7 @@ def restart(
                 f"checkpoint {path} is of {key} {was.get(key)}, this run of {about[key]}; begin without it."
             )
     search = search_of(coupling, content)
-    adopted = adopt(scheme, content["scheme"])
+    adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     now = json.loads(json.dumps(dict(about), default=str))
     changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
     given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
