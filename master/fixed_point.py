@@ -113,12 +113,12 @@ def fixed_point(
     `callback(k, x, x_tilde, r)` follows each evaluation.
 
     Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
-    "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G raises an ArithmeticError
-    (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not fallen by 1 %
-    within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the smallest m
-    of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. Other exceptions
-    of G pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
-    ValueError.
+    "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G or the scheme raises an
+    ArithmeticError (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not
+    fallen by 1 % within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the
+    smallest m of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. Other
+    exceptions of G pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments
+    raise ValueError.
 
     Before a loop ends as diverged or stalled it tries again, at most `recoveries` times in all and once after a stall.
     An evaluation that failed is repeated half-way to the best point so far (at the first evaluation: where it was).

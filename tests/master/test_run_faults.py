@@ -19,7 +19,7 @@ SETTINGS = {"scene": "x", "scheme": "iqn-ils", "backend": "in-process"}
 def wrapped(coupling, faults, where):
     """The same coupling with faults in one of its solvers."""
     pair = {"structural": Faulty(coupling.structural), "aero": Faulty(coupling.aero)}
-    pair[where].faults = faults
+    pair[where].faults = faults or {}
     return Coupling(pair["structural"], pair["aero"])
 
 
@@ -264,3 +264,36 @@ def test_a_restart_in_the_other_order_begins_without_history(tmp_path):
         search, (remark,) = checkpoint.restart(path, again, used, about | {"order": other}, {})
         assert f"order {order} -> {other}" in remark
         assert solve(again, used, order=other, search=search).status == "converged"
+
+
+@pytest.mark.parametrize("name", ["iqn-ils", "aitken"])
+@pytest.mark.parametrize("at", [3, 5, 7])
+def test_a_fault_after_a_restart_is_overcome_from_the_same_best_point(tmp_path, name, at):
+    path, fault = tmp_path / "kept.checkpoint", 6
+    about = {"scene": "v3_kite", "scene_settings": {}, "parameters": {}, "order": "serial"}
+
+    class Stop(Exception):
+        pass
+
+    def run(stop=None, restart=False, faults=None):
+        coupling, used = wrapped(in_process("v3_kite", wind_speed=12.0), faults, "aero"), scheme(name)
+        keeper = checkpoint.Keeper(path, 1, coupling, used, about)
+        search = checkpoint.restart(path, coupling, used, about, {})[0] if restart else None
+
+        def hold(search, warmth):
+            keeper(search, warmth)
+            if len(search.history) == stop:
+                raise Stop
+
+        try:
+            return solve(coupling, used, search=search, hold=hold)
+        finally:
+            assert alive(coupling) == (0, 0)
+
+    whole = run(faults={fault: "discard"})
+    with pytest.raises(Stop):
+        run(stop=at, faults={fault: "discard"})
+    rest = run(restart=True, faults={fault - at: "discard"} if at < fault else {})
+    assert rest.recoveries == whole.recoveries
+    assert np.array_equal(rest.displacement, whole.displacement)
+    assert rest.iterations == whole.iterations
