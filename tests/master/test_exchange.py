@@ -84,6 +84,15 @@ def test_a_chain_in_parallel_order_takes_its_length_explicitly():
     assert (result.status, result.iterations) == ("converged", 3)  # two for the values to go through, one to see it
 
 
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+def test_a_participant_may_be_connected_to_itself(order):
+    exchange = Exchange({"a": Law("a", -1.5, 0.4)}, joined(("a", "a")), rollback=True)
+    result = march(exchange, IQNILS(), 2.0, order=order, rtol=1e-12)
+    assert result.status == "converged"
+    # the residual over 1 - slope > 1
+    assert result.x == pytest.approx(-1.5 * np.tanh(result.x) + 0.4, abs=1e-11)
+
+
 def test_one_output_may_go_to_several_and_counts_once():
     participants = laws(*"abc")
     exchange = Exchange(participants, joined(("c", "a"), ("c", "b"), ("a", "c")))
