@@ -17,8 +17,9 @@ from typing import Any
 from master.acceleration import Scheme
 from master.acceleration.scheme import adopt
 from master.coupling import CoupledResult, Coupling, Search
-from master.exchange import CoupledStepFailed, Exchange, Warmth
+from master.exchange import CoupledStepFailed, Exchange
 from master.march import March
+from master.recovery import Warmth
 
 MAGIC = b"kitecosim checkpoint 1\n"
 
@@ -178,7 +179,7 @@ def restart(
                 f"checkpoint {path} is of {key} {was.get(key)}, this run of {about[key]}; begin without it."
             )
     search = search_of(coupling, content)
-    adopted = adopt(scheme, content["scheme"])
+    adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     now = json.loads(json.dumps(dict(about), default=str))
     changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
     given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]

@@ -12,11 +12,12 @@ import numpy as np
 from master import checkpoint
 from master.checkpoint import Files
 from master.document import Document
-from master.exchange import CoupledStepFailed, Exchange, Warmth
+from master.exchange import CoupledStepFailed, Exchange
 from master.fixed_point import FixedPointResult, fixed_point
 from master.mapping import MappedParticipant
 from master.march import March, MarchResult, Steps, march, without_rollback
 from master.predictor import Predictor
+from master.recovery import Warmth
 from master.schemes import scheme
 
 EXIT_CONVERGED, EXIT_NOT_CONVERGED = 0, 1

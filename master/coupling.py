@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from master.acceleration import Scheme
-from master.exchange import Connection, CoupledStepFailed, Exchange, Order, Warmth
-from master.fixed_point import Progress, Recovery, fixed_point
+from master.exchange import Connection, CoupledStepFailed, Exchange, Order
+from master.fixed_point import fixed_point
 from master.participants import InProcessParticipant, Participant
+from master.recovery import Progress, Recovery, Warmth
 from master.still_air import StillAir
 
 # Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
@@ -147,6 +148,19 @@ class Search:
     best: dict[str, Any] | None = None
 
 
+def _imbalance(coupling: Coupling, shown: np.ndarray, search: Search) -> tuple[float, str]:
+    """Out-of-balance force N at the shape, tried twice; nan and why if there is none."""
+    reason = ""
+    for _ in range(2):
+        if reason:
+            search.recoveries.append(Recovery(len(search.history), reason, "tried again"))
+        try:
+            return coupling.imbalance(shown), ""
+        except (CoupledStepFailed, ValueError, RuntimeError) as error:
+            reason = f"At the reported shape {str(error).rstrip('.')}"
+    return float("nan"), reason
+
+
 def solve(
     coupling: Coupling,
     scheme: Scheme,
@@ -237,12 +251,9 @@ def solve(
             break
         if tie_tolerance:
             coupling.set_tolerance(TIGHTEST)
-        try:
-            residual_N = coupling.imbalance(shown)
-        except (CoupledStepFailed, ValueError, RuntimeError) as error:
-            if status == "converged":
-                status, message = "diverged", f"At the converged shape {str(error).rstrip('.')}."
-            residual_N = float("nan")
+        residual_N, failed = _imbalance(coupling, shown, search)
+        if failed and status == "converged":
+            status, message = "diverged", f"{failed}."
         if status != "converged" or residual_N <= force_tolerance:
             break
         if len(history) >= max_iterations:

@@ -164,13 +164,9 @@ class Exchange:
         ValueError in one sentence for a participant that offers none.
         """
         fields = self._fields[order]
+        self.require_derivatives()
         sent: dict[str, np.ndarray] = {}
         for name, participant in self.participants.items():
-            offered = getattr(participant, "directional_derivative", None)
-            if offered is None:
-                raise ValueError(
-                    f"{self.described(name)} offers no directional derivatives; run the solvers in-process."
-                )
             changes = {
                 c.input: c.applied(v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field])
                 for c in self._inputs[name]
@@ -278,25 +274,3 @@ class Exchange:
         """Free the states of the beginning of the communication step; the participants stay as they are."""
         self.freed(self._states)
         self._began = {}
-
-
-class Warmth:
-    """Anchor of a coupling loop: the states of the participants at the best point so far, and their time."""
-
-    def __init__(self, exchange: Exchange, states: dict[str, Any] | None = None) -> None:
-        self._exchange = exchange
-        self.states, self._time = exchange.saved() if states is None else states, exchange.time
-
-    def mark(self) -> None:
-        """See Anchor."""
-        self._exchange.freed(self.states)
-        self.states, self._time = self._exchange.saved(), self._exchange.time
-
-    def restore(self) -> None:
-        """See Anchor."""
-        self._exchange.put_back(self.states)
-        self._exchange.time = self._time
-
-    def close(self) -> None:
-        """Free the states."""
-        self._exchange.freed(self.states)

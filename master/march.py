@@ -12,8 +12,9 @@ import numpy as np
 from master.acceleration import ConstantRelaxation, Scheme
 from master.convergence import Tolerance
 from master.exchange import CoupledStepFailed, Exchange, Order
-from master.fixed_point import FixedPointResult, Recovery, fixed_point
+from master.fixed_point import FixedPointResult, fixed_point
 from master.predictor import Predictor
+from master.recovery import Recovery
 
 STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled")
 GOOD = ("converged", "recovered")

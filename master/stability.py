@@ -1,6 +1,7 @@
 """Static stability of a converged coupled equilibrium, from the coupled map alone."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,17 +44,19 @@ def static_stability(coupling: Coupling, x: np.ndarray) -> Stability:
     seed = None
     if symmetric and np.any(x):
         seed = np.where(np.abs(x) > ROUNDING * np.abs(x).max(), np.sign(x) * np.sqrt(np.abs(x)), 0.0)
-    states = [p.save() for p in participants]
     evaluations = coupling.evaluations
+    states: dict[str, Any] = {}
     try:
+        states = coupling.saved()
         coupling.set_tolerance(TIGHTEST)
         found = rightmost_eigenvalue(coupling, x, step=STEP, start=seed)
     except ArithmeticError as error:
         return Stability(None, float("nan"), coupling.evaluations - evaluations, symmetric, str(error))
     finally:
-        for participant, state in zip(participants, states, strict=True):
-            participant.restore(state)
-            participant.free(state)
+        try:
+            coupling.put_back(states)
+        finally:
+            coupling.freed(states)
     unstable_modes = 0
     if "unstable_modes" in coupling.structural.blocks:
         unstable_modes = int(coupling.structural.get("unstable_modes"))

@@ -1,5 +1,6 @@
 """Checkpoints: a run that is interrupted anywhere goes on to the last bit as if it had not been."""
 
+import contextlib
 import json
 import os
 import pickle
@@ -12,12 +13,16 @@ import pytest
 
 import master
 from benchmarks.problems import in_process
+from fmus.builder import archive
 from master import checkpoint, commands
 from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
 from master.coupling import solve
 from master.exchange import Connection, Exchange
 from master.march import march
+from master.participants import FmuParticipant
 from master.schemes import SCHEMES, scheme
+from tests.fmus.toy_fmu import Toy as Core
+from tests.fmus.toy_fmu import ToyFmu
 from tests.master.toys import Mass, Spring
 
 ROOT = Path(master.__file__).parents[1]
@@ -68,6 +73,38 @@ def test_a_march_goes_on_bitwise_from_every_step(name, tmp_path):
             for block, values in again.participants[p].values.items():
                 assert np.array_equal(values, exchange.participants[p].values[block])
         assert alive(again) == 0
+
+
+@pytest.mark.parametrize("name", ["explicit", "iqn-ils"])
+def test_a_march_of_fmus_goes_on_bitwise_in_new_instances(name, tmp_path):
+    path = tmp_path / "toy.fmu"
+    path.write_bytes(archive("toy", ToyFmu(Core(), instance_name="toy"), {}))
+
+    @contextlib.contextmanager
+    def pair():
+        with FmuParticipant(path, {"gain": 0.9}) as a, FmuParticipant(path, {"gain": 0.7}) as b:
+            a.set("load", np.arange(6.0).reshape(2, 3))
+            links = [Connection("a", "position", "b", "load"), Connection("b", "position", "a", "load")]
+            yield Exchange({"a": a, "b": b}, links, 0.1, rollback=True)
+
+    files = []
+    with pair() as exchange:
+        used = MARCHING[name]()
+
+        def keep(now):
+            files.append(tmp_path / f"{len(files)}.checkpoint")
+            checkpoint.write(files[-1], {}, checkpoint.of_march(exchange, used, now))
+
+        whole = march(exchange, used, 0.6, hold=keep)
+        assert whole.status == "converged"
+    for file in files[:-1]:
+        with pair() as exchange:
+            used = MARCHING[name]()
+            begun = checkpoint.march_of(exchange, checkpoint.read(file)[1], used)
+            rest = march(exchange, used, 0.6, begun=begun)
+            assert np.array_equal(rest.x, whole.x)
+            assert rest.steps == whole.steps
+            assert not exchange.participants["a"]._states
 
 
 def interrupted(step, name="iqn-ils", **options):
@@ -347,6 +384,7 @@ def test_nothing_half_written_is_ever_at_its_place(tmp_path, monkeypatch):
 KILLED = """
 import os, sys
 from pathlib import Path
+from fmus.builder import archive
 from master import checkpoint, commands
 write_bytes = Path.write_bytes
 checkpoint.write(sys.argv[1], {"step": 1}, {"x": 1})
@@ -382,6 +420,7 @@ FMUS = """
 import sys
 from pathlib import Path
 from benchmarks.problems import as_fmus
+from fmus.builder import archive
 from master import checkpoint, commands
 from master.coupling import solve
 from master.schemes import scheme

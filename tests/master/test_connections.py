@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from master.acceleration import IQNILS
-from master.exchange import Connection, Exchange, Warmth
+from master.exchange import Connection, Exchange
 from master.march import march
+from master.recovery import Warmth
 from tests.master.toys import Mass, Spring
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from master.acceleration import IQNILS, ConstantRelaxation
-from master.exchange import Connection, CoupledStepFailed, Exchange, Warmth
+from master.exchange import Connection, CoupledStepFailed, Exchange
 from master.fixed_point import fixed_point
 from master.march import march
+from master.recovery import Warmth
 from tests.master.toys import Faulty, Mass, Spring, Toy
 
 K, M = 4.0, 1.0
@@ -82,6 +83,15 @@ def test_a_chain_in_parallel_order_takes_its_length_explicitly():
     x = exchange.present("parallel")
     result = fixed_point(lambda x: exchange.evaluate(x, "parallel"), x, ConstantRelaxation(1.0), atol=1e-14)
     assert (result.status, result.iterations) == ("converged", 3)  # two for the values to go through, one to see it
+
+
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+def test_a_participant_may_be_connected_to_itself(order):
+    exchange = Exchange({"a": Law("a", -1.5, 0.4)}, joined(("a", "a")), rollback=True)
+    result = march(exchange, IQNILS(), 2.0, order=order, rtol=1e-12)
+    assert result.status == "converged"
+    # the residual over 1 - slope > 1
+    assert result.x == pytest.approx(-1.5 * np.tanh(result.x) + 0.4, abs=1e-11)
 
 
 def test_one_output_may_go_to_several_and_counts_once():
@@ -194,6 +204,8 @@ def test_evaluations_products_and_seconds_are_counted():
 @pytest.mark.parametrize("order", ["serial", "parallel"])
 def test_the_derivative_of_a_ring_is_that_of_its_map(order):
     class Smooth(Law):
+        offers_derivatives = True
+
         def directional_derivative(self, changes):
             return {"out": self.slope / np.cosh(self.values["in"]) ** 2 * changes["in"]}
 

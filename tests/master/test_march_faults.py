@@ -5,9 +5,13 @@ import itertools
 import numpy as np
 import pytest
 
+from fmus.builder import archive
 from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
 from master.exchange import Connection, Exchange
 from master.march import march
+from master.participants import FmuParticipant
+from tests.fmus.toy_fmu import Toy as Core
+from tests.fmus.toy_fmu import ToyFmu
 from tests.master.toys import Mass, Spring
 
 K, M, STEPS, DT = 4.0, 1.0, 12, 0.05
@@ -200,3 +204,29 @@ def test_no_step_at_all_is_converged():
     again = march(exchange, IQNILS(), exchange.time)
     assert (again.status, len(again.steps)) == ("converged", 0)
     assert np.array_equal(again.x, found.x)
+
+
+@pytest.mark.parametrize(
+    ("trouble", "ends"), [(1, "torn at 100 % load"), (2, "a bug"), (3, KeyboardInterrupt)], ids=str
+)
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+def test_an_fmu_in_trouble_ends_with_its_reason_and_no_saved_state(tmp_path, scheme, trouble, ends):
+    path = tmp_path / "toy.fmu"
+    path.write_bytes(archive("toy", ToyFmu(Core(), instance_name="toy"), {}))
+    with FmuParticipant(path) as a, FmuParticipant(path) as b:
+        links = [Connection("a", "position", "b", "load"), Connection("b", "position", "a", "load")]
+        exchange = Exchange({"a": a, "b": b}, links, 0.1, rollback=True)
+        assert march(exchange, SCHEMES[scheme](), 0.2).status == "converged"
+        b.set("trouble", trouble)
+        if isinstance(ends, str):
+            result = march(exchange, SCHEMES[scheme](), 0.5)
+            assert result.status == "diverged"
+            assert ends in result.message
+            assert result.time == 0.2
+            b.set("trouble", 0)
+            assert march(exchange, SCHEMES[scheme](), 0.5).status == "converged"  # it can go on from there
+        else:
+            with pytest.raises(ends):
+                march(exchange, SCHEMES[scheme](), 0.5)
+        assert not a._states
+        assert not b._states

@@ -19,7 +19,7 @@ SETTINGS = {"scene": "x", "scheme": "iqn-ils", "backend": "in-process"}
 def wrapped(coupling, faults, where):
     """The same coupling with faults in one of its solvers."""
     pair = {"structural": Faulty(coupling.structural), "aero": Faulty(coupling.aero)}
-    pair[where].faults = faults
+    pair[where].faults = faults or {}
     return Coupling(pair["structural"], pair["aero"])
 
 
@@ -207,3 +207,93 @@ def test_a_restart_that_begins_a_new_loop_frees_what_it_read(tmp_path):
         search, _ = checkpoint.restart(path, again, used, about | changed, {})
         assert solve(again, used, search=search).status == "converged"
         assert alive(again) == (0, 0)
+
+
+def evaluations_of(speed=12.0, stability=False):
+    """Steps of each solver in an undisturbed run of the kite: in the loop, and in all."""
+    coupling = wrapped(in_process("v3_kite", wind_speed=speed), {}, "aero")
+    run = coupled_run(coupling, scheme("iqn-ils"), stability=stability)
+    return run.result.iterations, coupling.aero.steps
+
+
+@pytest.mark.parametrize("where", ["structural", "aero"])
+@pytest.mark.parametrize("fault", ["raise", "discard", "nan"])
+def test_a_fault_at_the_last_look_at_the_forces_is_overcome(where, fault):
+    iterations, steps = evaluations_of()
+    assert steps == iterations + 1
+    if (where, fault) == ("structural", "nan"):
+        return  # its shape is not looked at there
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {steps: fault}, where)
+    run = coupled_run(coupling, scheme("iqn-ils"), stability=False)
+    assert run.status == "converged"
+    (recovery,) = run.result.recoveries
+    assert "reported shape" in recovery.reason
+    assert run.result.residual_N <= 0.01
+    assert alive(coupling) == (0, 0)
+    lasting = wrapped(in_process("v3_kite", wind_speed=12.0), dict.fromkeys(range(steps, steps + 99), fault), where)
+    run = coupled_run(lasting, scheme("iqn-ils"), stability=False)
+    assert run.status == "diverged"
+    assert "reported shape" in run.message
+    assert alive(lasting) == (0, 0)
+
+
+@pytest.mark.parametrize("where", ["structural", "aero"])
+@pytest.mark.parametrize("fault", ["raise", "discard", "nan"])
+def test_a_fault_while_the_stability_is_judged_leaves_it_undecided_and_the_equilibrium_as_it_was(where, fault):
+    _, steps = evaluations_of()
+    coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {steps + 3: fault}, where)
+    run = coupled_run(coupling, scheme("iqn-ils"))
+    assert run.status == "converged"
+    assert run.stability is not None
+    assert run.stability.statically_stable is None
+    assert any("could not be decided" in remark for remark in run.remarks)
+    assert alive(coupling) == (0, 0)
+    plain = coupled_run(in_process("v3_kite", wind_speed=12.0), scheme("iqn-ils"), stability=False)
+    for name, values in plain.blocks["structural"].items():
+        assert np.array_equal(run.blocks["structural"][name], values)
+
+
+def test_a_restart_in_the_other_order_begins_without_history(tmp_path):
+    path = tmp_path / "kept.checkpoint"
+    about = {"scene": "v3_kite", "scene_settings": {}, "parameters": {}, "order": "serial", "tolerance": 1e-5}
+    for order, other in (("serial", "parallel"), ("parallel", "serial")):
+        coupling, used = in_process("v3_kite", wind_speed=12.0), scheme("iqn-ils")
+        keeper = checkpoint.Keeper(path, 1, coupling, used, about | {"order": order})
+        solve(coupling, used, order=order, hold=keeper)
+        again, used = in_process("v3_kite", wind_speed=12.0), scheme("iqn-ils")
+        search, (remark,) = checkpoint.restart(path, again, used, about | {"order": other}, {})
+        assert f"order {order} -> {other}" in remark
+        assert solve(again, used, order=other, search=search).status == "converged"
+
+
+@pytest.mark.parametrize("name", ["iqn-ils", "aitken"])
+@pytest.mark.parametrize("at", [3, 5, 7])
+def test_a_fault_after_a_restart_is_overcome_from_the_same_best_point(tmp_path, name, at):
+    path, fault = tmp_path / "kept.checkpoint", 6
+    about = {"scene": "v3_kite", "scene_settings": {}, "parameters": {}, "order": "serial"}
+
+    class Stop(Exception):
+        pass
+
+    def run(stop=None, restart=False, faults=None):
+        coupling, used = wrapped(in_process("v3_kite", wind_speed=12.0), faults, "aero"), scheme(name)
+        keeper = checkpoint.Keeper(path, 1, coupling, used, about)
+        search = checkpoint.restart(path, coupling, used, about, {})[0] if restart else None
+
+        def hold(search, warmth):
+            keeper(search, warmth)
+            if len(search.history) == stop:
+                raise Stop
+
+        try:
+            return solve(coupling, used, search=search, hold=hold)
+        finally:
+            assert alive(coupling) == (0, 0)
+
+    whole = run(faults={fault: "discard"})
+    with pytest.raises(Stop):
+        run(stop=at, faults={fault: "discard"})
+    rest = run(restart=True, faults={fault - at: "discard"} if at < fault else {})
+    assert rest.recoveries == whole.recoveries
+    assert np.array_equal(rest.displacement, whole.displacement)
+    assert rest.iterations == whole.iterations
