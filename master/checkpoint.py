@@ -61,22 +61,28 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return about, content
 
 
-def participants(exchange: Exchange, states: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Clock, counters and serialised states of the participants: the present ones, or `states` saved before."""
-    now = exchange.saved() if states is None else dict(states)
+def serialised(exchange: Exchange, states: Mapping[str, Any]) -> dict[str, bytes]:
+    """States of the participants as bytes."""
+    return {name: exchange.participants[name].serialised(state) for name, state in states.items()}
+
+
+def participants(exchange: Exchange) -> dict[str, Any]:
+    """Clock, counters and serialised states of the participants as they are now."""
+    now = exchange.saved()
     try:
-        kept = {name: exchange.participants[name].serialised(state) for name, state in now.items()}
+        kept = serialised(exchange, now)
     finally:
-        if states is None:
-            exchange.freed(now)
-    return {"time": exchange.time, "evaluations": exchange.evaluations, "states": kept}
+        exchange.freed(now)
+    return {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
 
 
 def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
     """Return participants made alike to what `participants` kept; ValueError in one sentence if they are others."""
     if missing := sorted(kept["states"].keys() ^ exchange.saving()):
         raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
-    exchange.time, exchange.evaluations = kept["time"], kept["evaluations"]
+    (begin, count), dt = kept["clock"], kept["dt"]
+    exchange.clock = (begin, count) if dt == exchange.dt else (begin + count * dt, 0)
+    exchange.evaluations = kept["evaluations"]
     states: dict[str, Any] = {}
     try:
         for name, data in kept["states"].items():
@@ -90,7 +96,7 @@ def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
 
 def of_search(coupling: Coupling, scheme: Scheme, search: Search, warmth: Warmth | None) -> dict[str, Any]:
     """Content of a checkpoint of a coupled solve; `warmth` None after its end."""
-    best = None if warmth is None else participants(coupling, warmth.states)
+    best = None if warmth is None else {"states": serialised(coupling, warmth.states), "clock": warmth.clock}
     return {"search": search, "scheme": scheme, "participants": participants(coupling), "best": best}
 
 
@@ -102,7 +108,8 @@ def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
     put_back(coupling, content["participants"])
     if content["best"] is not None:
         best = content["best"]["states"]
-        search.best = {n: coupling.participants[n].deserialised(data) for n, data in best.items()}
+        states = {n: coupling.participants[n].deserialised(data) for n, data in best.items()}
+        search.best = states, content["best"]["clock"]
     return search
 
 
@@ -128,11 +135,20 @@ def march_of(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | No
 
 @dataclass(frozen=True)
 class Files:
-    """What a run shall write: a checkpoint before every `every`-th coupling iteration; and where it goes on from."""
+    """Where a run keeps a checkpoint, after how many coupling iterations (through time: steps) each, and which one it
+    goes on from. ValueError in one sentence for `every` below 1.
+    """
 
     checkpoint: Path | None = None
     every: int = 1
     restart: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
+
+
+NO_FILES = Files()
 
 
 class Keeper:
@@ -186,7 +202,8 @@ def restart(
     remark = f"went on from {path.name}, {was['coupling_iterations']} coupling iterations from its beginning"
     if not changed and not given and search.loop is not None:
         return search, [remark]
-    coupling.freed(search.best or {})
+    if search.best is not None:
+        coupling.freed(search.best[0])
     for name in given:
         for participant in (coupling.structural, coupling.aero):
             if participant.causality.get(name) == "parameter":
