@@ -175,7 +175,7 @@ class Keeper:
 
 
 # What may change without ending the loop under way: it only says how long to go on and what to do afterwards.
-HARMLESS = ("max_iterations", "stability", "report", "backend", "coupling_iterations", "status")
+HARMLESS = ("max_iterations", "stability", "report", "coupling_iterations", "status")
 
 
 def restart(
@@ -186,7 +186,8 @@ def restart(
     With the settings as they were the loop goes on bitwise as if it had not stopped. With others (scheme, tolerances,
     tunable parameters among the `chosen`) a new loop begins at the shape and with the solvers' states of the
     checkpoint, and with its quasi-Newton history where the scheme is of the same kind. ValueError in one sentence for
-    a checkpoint of another scene or with other settings of it, and for a fixed parameter that shall change.
+    a checkpoint of another scene, with other settings of it or of the other backend, and for a fixed parameter that
+    shall change.
     """
     was, content = read(path)
     for key in ("scene", "scene_settings"):
@@ -194,7 +195,15 @@ def restart(
             raise ValueError(
                 f"checkpoint {path} is of {key} {was.get(key)}, this run of {about[key]}; begin without it."
             )
-    search = search_of(coupling, content)
+    if was.get("backend") != about.get("backend"):
+        raise ValueError(
+            f"checkpoint {path} holds solver states of --backend {was.get('backend')}, which {about.get('backend')} "
+            f"cannot take; add --backend {was.get('backend')}, or begin without it."
+        )
+    try:
+        search = search_of(coupling, content)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     now = json.loads(json.dumps(dict(about), default=str))
     changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]

@@ -152,7 +152,7 @@ class Run:
             now = checkpoint.march_of(self.exchange, content, self.scheme)
             now.require_fields(self.exchange, self.document.settings.order)
         except ValueError as error:
-            raise ValueError(f"checkpoint {path}: {error}") from error
+            raise ValueError(f"{path}: {error}") from error
         return now
 
     def _hold(self, now: March) -> None:

@@ -1,9 +1,11 @@
 """`kitecosim couple` where a save fails, where a checkpoint is of something else, where a name is taken."""
 
 import pytest
+from typer.testing import CliRunner
 
 from master import couple
 from master.checkpoint import Files
+from master.cli import app
 from master.document import Document
 from master.participants import FmuParticipant
 from tests.master.test_couple import FLUID, WALL, oscillator
@@ -54,3 +56,14 @@ def test_a_participant_cannot_have_the_name_of_a_wall_time(foreign, name):
     content["participants"][name] = content["participants"].pop("wall")
     with pytest.raises(ValueError, match=rf"^coupling: \[participants\.{name}\] has a name .*\.$"):
         Document.of(content, foreign)
+
+
+def test_a_checkpoint_of_the_other_backend_is_refused_with_the_remedy(tmp_path):
+    file, options = tmp_path / "a b.ckp", ["--no-report", "--out", str(tmp_path / "out")]
+    command = ["run", "typical_section", *options]
+    runner = CliRunner()
+    assert runner.invoke(app, [*command, "--backend", "in-process", "--checkpoint", str(file)]).exit_code == 0
+    ended = runner.invoke(app, [*command, "--restart", str(file)])
+    assert ended.exit_code == 2
+    assert "add --backend in-process" in ended.output
+    assert "a b.ckp" in ended.output
