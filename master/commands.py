@@ -45,8 +45,12 @@ def run_scene(
     _checked(choices)
     if files.every < 1:
         raise ValueError(f"--checkpoint-every must be at least 1, not {files.every}.")
+    checkpoint.require_place(files.checkpoint)
     begin = time.perf_counter()
-    scene, given = prepared(name, assigned)
+    built = assigned
+    if files.restart is not None:
+        built = checkpoint.remembered(files.restart, prepared(name, {})[0].name, choices["backend"], assigned)
+    scene, given = prepared(name, built)
     out = out or Path("results") / scene.name
     results_folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from master.checkpoint import Files
+from master.checkpoint import Files, require_place
 from master.couple import EXIT_CONVERGED, EXIT_NOT_CONVERGED, NO_FILES, Follower, couple
 from master.document import Document
 from master.report.console import print_rows, print_written
@@ -20,6 +20,7 @@ def couple_file(path: Path, out: Path | None = None, report: bool = True, files:
     """Couple the FMUs of a file, print its table, write its results; the exit code."""
     if files.every < 1:
         raise ValueError(f"--checkpoint-every must be at least 1, not {files.every}.")
+    require_place(files.checkpoint)
     document = Document.read(path)
     out = out or Path("results") / path.stem
     with _progress(document) as follow:
