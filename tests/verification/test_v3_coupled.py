@@ -149,7 +149,7 @@ def test_without_gravity_roll_about_the_wind_is_neutral():
     assert run.stability.statically_stable is False
 
 
-@pytest.mark.parametrize("name", list(SCHEMES))
+@pytest.mark.parametrize("name", [name for name, kind in SCHEMES.items() if not kind.exact])
 def test_fmus_and_in_process_solvers_give_the_same_iterates(name):
     inside = solve(in_process("v3_kite", wind_speed=12.0), SCHEMES[name](), max_iterations=30)
     with as_fmus("v3_kite", wind_speed=12.0) as coupling:
