@@ -42,23 +42,37 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
             part.unlink(missing_ok=True)
 
 
+def head(path: str | Path) -> dict[str, Any]:
+    """What a checkpoint is about; ValueError in one sentence if it is not a sound one. Nothing is unpickled."""
+    about, _ = _parts(path)
+    return about
+
+
 def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a checkpoint is about, and its content; ValueError in one sentence if it is not a sound one."""
+    about, data = _parts(path)
+    try:
+        return about, pickle.loads(data)
+    except (ValueError, LookupError, TypeError, pickle.PickleError, AttributeError, ImportError, EOFError):
+        raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
+
+
+def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
+    """What a checkpoint is about, and its content as bytes that are whole."""
     try:
         raw = Path(path).read_bytes()
     except OSError as error:
         raise ValueError(f"checkpoint {path} cannot be read ({(error.strerror or str(error)).lower()}).") from None
     if not raw.startswith(MAGIC):
         raise ValueError(f"{path} is not a checkpoint of this version of kitecosim.")
-    head, _, data = raw[len(MAGIC) :].partition(b"\n")
+    line, _, data = raw[len(MAGIC) :].partition(b"\n")
     try:
-        about = json.loads(head)
+        about: dict[str, Any] = json.loads(line)
         if about.pop("sha256") != hashlib.sha256(data).hexdigest():
             raise ValueError
-        content = pickle.loads(data)
-    except (ValueError, LookupError, TypeError, pickle.PickleError, AttributeError, ImportError, EOFError):
+    except (ValueError, LookupError, TypeError, AttributeError):
         raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
-    return about, content
+    return about, data
 
 
 def serialised(exchange: Exchange, states: Mapping[str, Any]) -> dict[str, bytes]:
@@ -136,7 +150,7 @@ def march_of(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | No
 @dataclass(frozen=True)
 class Files:
     """Where a run keeps a checkpoint, after how many coupling iterations (through time: steps) each, and which one it
-    goes on from. ValueError in one sentence for `every` below 1.
+    goes on from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
     """
 
     checkpoint: Path | None = None
@@ -146,9 +160,35 @@ class Files:
     def __post_init__(self) -> None:
         if self.every < 1:
             raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
+        if self.checkpoint is not None and self.checkpoint.is_dir():
+            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
+        if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
+            raise ValueError(
+                f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
+            )
 
 
 NO_FILES = Files()
+
+
+def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]) -> dict[str, str]:
+    """Settings and parameters with which to build the participants of a restart, as texts: those of the checkpoint,
+    and the `assigned` ones before them.
+
+    ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit.
+    """
+    about = head(path)
+    for key, mine in (("scene", scene), ("backend", backend)):
+        if about.get(key) != mine:
+            remedy = "" if key == "scene" else f"; add --backend {about.get(key)}"
+            raise ValueError(f"checkpoint {path} is of {key} {about.get(key)}, this run of {mine}{remedy}.")
+    kept = {name: str(value) for name, value in about["scene_settings"].items()}
+    kept |= {name: _text(value) for name, value in about["parameters"].items()}
+    return {**kept, **assigned}
+
+
+def _text(value: Any) -> str:
+    return ",".join(map(repr, value)) if isinstance(value, list) else repr(value)
 
 
 class Keeper:
@@ -175,7 +215,7 @@ class Keeper:
 
 
 # What may change without ending the loop under way: it only says how long to go on and what to do afterwards.
-HARMLESS = ("max_iterations", "stability", "report", "coupling_iterations", "status")
+HARMLESS = ("max_iterations", "stability", "report")
 
 
 def restart(
@@ -190,25 +230,26 @@ def restart(
     shall change.
     """
     was, content = read(path)
-    for key in ("scene", "scene_settings"):
-        if was.get(key) != json.loads(json.dumps(about[key], default=str)):
+    now = json.loads(json.dumps(dict(about), default=str))
+    for name, value in now["scene_settings"].items():
+        if was["scene_settings"].get(name) != value:
             raise ValueError(
-                f"checkpoint {path} is of {key} {was.get(key)}, this run of {about[key]}; begin without it."
+                f"checkpoint {path} has {name} = {was['scene_settings'].get(name)}, this run {value}; a setting of the "
+                "scene cannot change in a restart."
             )
-    if was.get("backend") != about.get("backend"):
-        raise ValueError(
-            f"checkpoint {path} holds solver states of --backend {was.get('backend')}, which {about.get('backend')} "
-            f"cannot take; add --backend {was.get('backend')}, or begin without it."
-        )
+    given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
+    for name in given:
+        if name in coupling.fixed():
+            raise ValueError(f"{name} is fixed once a run has begun; leave it out in a restart.")
     try:
         search = search_of(coupling, content)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
-    now = json.loads(json.dumps(dict(about), default=str))
     changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
-    given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
-    remark = f"went on from {path.name}, {was['coupling_iterations']} coupling iterations from its beginning"
+    remark = f"went on from {path.name} after {was['coupling_iterations']} coupling iterations"
+    kept = [k for k in was["parameters"] if k not in chosen and k != "trim_angle"]
+    remark += "".join(f", with {name} = {_text(was['parameters'][name])} as there" for name in kept)
     if not changed and not given and search.loop is not None:
         return search, [remark]
     if search.best is not None:
@@ -220,6 +261,7 @@ def restart(
     for key in changed:
         remark += f", {key} {was.get(key)} -> {now[key]}"
     for name in given:
-        remark += f", {name} {was['parameters'].get(name, 'as built')} -> {now['parameters'][name]}"
+        remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
+    remark += "; coupling iterations are counted anew"
     remark += "" if adopted else ", without the history of another scheme"
     return Search(about["order"], coupling.present(about["order"])), [remark]

@@ -54,13 +54,17 @@ def run(
     checkpoint_every: Annotated[int, typer.Option(help="Coupling iterations from checkpoint to checkpoint.")] = 1,
     restart: Annotated[
         Path | None,
-        typer.Option(help="Go on from this checkpoint (of your own); other settings than then are allowed."),
+        typer.Option(
+            help="Go on from this checkpoint, one of your own. Scene, its settings, fixed parameters and backend stay; "
+            "scheme, tolerances and tunable parameters may be others. What is not given is as in the checkpoint."
+        ),
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="Plot the residual in the terminal while it runs.")] = False,
 ) -> None:
     """Couple structure and flow of SCENE to equilibrium; print a table, write results and a report.
 
-    Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input.
+    Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input, 130
+    interrupted (earlier results in the folder are gone then).
     """
     from master.checkpoint import Files
     from master.commands import run_scene
@@ -202,7 +206,7 @@ def couple(
     """Couple two or more FMI 2.0 co-simulation FMUs, of whatever maker, as FILE says; print a table, write results.
 
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
-    (results up to there are still written), 2 bad input.
+    (results up to there are still written), 2 bad input, 130 interrupted.
     """
     from master.checkpoint import Files
     from master.couple_command import couple_file
@@ -227,6 +231,9 @@ def _finish(command: Any) -> None:
     except (ValueError, OSError) as error:
         typer.echo(f"kitecosim: {error}", err=True)
         raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        typer.echo("kitecosim: interrupted; a run with --checkpoint goes on with --restart.", err=True)
+        raise typer.Exit(130) from None
     except RuntimeError as error:  # an FMU that ended with fmi2Fatal
         typer.echo(f"kitecosim: {error}", err=True)
         raise typer.Exit(1) from None

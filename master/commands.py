@@ -43,7 +43,10 @@ def run_scene(
     """Run a scene, print its table, write its files; the exit code."""
     _checked(choices)
     begin = time.perf_counter()
-    scene, given = prepared(name, assigned)
+    built = assigned
+    if files.restart is not None:
+        built = checkpoint.remembered(files.restart, prepared(name, {})[0].name, choices["backend"], assigned)
+    scene, given = prepared(name, built)
     out = out or Path("results") / scene.name
     results_folder(out)
     for name in RESULTS:  # so that what stands there is never of an earlier run

@@ -83,6 +83,11 @@ class Coupling(Exchange):
         structural = participant(cores["structural"])
         return cls(structural, participant(cores["aero"]) if "aero" in cores else StillAir.beside(structural))
 
+    def fixed(self) -> set[str]:
+        """Parameters that take a value only before the first step."""
+        limits = (getattr(p, "limits", {}) for p in (self.structural, self.aero))
+        return {name for both in limits for name, one in both.items() if one.variability == "fixed"}
+
     def set_tolerance(self, newtons: float) -> None:
         """Give the structure the tolerance that the coupling loop needs now, where it has one."""
         if "solver_tolerance" in self.structural.blocks:

@@ -54,7 +54,7 @@ class Table:
         """Refuse keys that are not among the known ones."""
         for key in self.content:
             if key not in known:
-                raise self.wrong(f"has no key '{key}'; {nearest(key, known)}")
+                raise self.wrong(f"knows no key '{key}'; {nearest(key, known)}")
 
     def table(self, key: str) -> "Table":
         """A table within; an empty one if it is not there."""

@@ -22,7 +22,8 @@ class Recovery:
     remedy: str
 
     def __str__(self) -> str:
-        return f"after evaluation {self.iteration}: {self.reason}; {self.remedy}"
+        after = "" if "evaluation" in self.reason else f"after evaluation {self.iteration}: "
+        return f"{after}{self.reason}; {self.remedy}"
 
 
 class Anchor(Protocol):
@@ -119,10 +120,11 @@ class Loop:
     def retreat(self, reason: str) -> bool:
         """Half-way to the best point after an evaluation that failed; False if nothing is left to try.
 
-        If that failed too, the scheme begins anew where it can.
+        If that failed too, the scheme begins anew where it can. Where no evaluation has succeeded yet there is no
+        other point: the same is tried once more, in case the failure was a passing one.
         """
         p = self.progress
-        if len(p.recoveries) >= self.recoveries:
+        if len(p.recoveries) >= (self.recoveries if p.best is not None else min(1, self.recoveries)):
             return False
         if p.recoveries and p.recoveries[-1].iteration == p.evaluations - 1 and self.begin_anew(reason):
             return True

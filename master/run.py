@@ -58,7 +58,8 @@ def coupled_run(
         except (ValueError, RuntimeError) as error:  # of a solver that has ended: nothing to make a record of
             raise RuntimeError(message) from error
         causality[label] = dict(participant.causality)
-    remarks = _remarks(blocks) + _stability_remarks(judged) + [f"recovered {r}" for r in result.recoveries]
+    told = "recovered" if result.status == "converged" else "tried to recover"
+    remarks = _remarks(blocks) + _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
     return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
 
 

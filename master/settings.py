@@ -64,11 +64,12 @@ def settings_in(whole: Table) -> Settings:
         raise time.wrong(
             f"from start = {start:g} to stop = {stop:g} is no whole number of steps of {step:g}; change one."
         )
-    name = coupling.text("scheme", "iqn-ils", SCHEMES)
+    if coupling.content.get("scheme") in [name for name, kind in SCHEMES.items() if kind.exact]:
+        raise coupling.refused("scheme", "takes directional derivatives, which FMUs do not give here; leave it out.")
+    name = coupling.text("scheme", "iqn-ils", [name for name, kind in SCHEMES.items() if not kind.exact])
     parameters = coupling.table("parameters")
     try:
-        if not SCHEMES[name].exact:  # those need the participants
-            scheme(name, **parameters.content)
+        scheme(name, **parameters.content)
     except (ValueError, TypeError) as error:
         raise parameters.wrong(f"does not suit: {error}") from None
     return Settings(

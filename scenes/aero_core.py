@@ -142,6 +142,8 @@ class AeroCore(Core):
         try:
             if self._stale:
                 self._solve()
+            elif not self._fresh:
+                self._put("newton_iterations", 0)
         finally:
             self._fresh = False
 

@@ -185,6 +185,7 @@ class StructuralCore(Core):
         first, self._fresh = self._fresh, False
         if not self._stale:
             self._put("imbalance_before_step", self._values["residual"])
+            self._put("newton_iterations", 0)
             return
         self._unsolved()
         chains, mirrored = self._present_chains()

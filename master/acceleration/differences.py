@@ -51,7 +51,7 @@ class QuasiNewton:
             self._refield(tuple(fields))
             self._floor = np.zeros(len(fields))
         self._fields = tuple(fields)
-        self._last, self._careful = None, 1.0
+        self._last = None
         self._shares, self._summands = np.zeros(len(fields)), 0
         self._open()
 
@@ -81,10 +81,12 @@ class QuasiNewton:
             self._learn(x, r)
         if self._summands and status == "converged":
             self._floor = self._shares / self._summands
-        self._last = None
+        self._last, self._careful = None, 1.0
 
     def restart(self) -> bool:
-        """Begin anew without columns, with a quarter of the step in unknown directions."""
+        """Begin anew without columns, with a quarter of the step in unknown directions, which grows back as residuals
+        fall; until then, or to the end of this call or of the next.
+        """
         self._forget()
         self._floor = np.zeros(len(self._fields))
         self._careful *= CAREFUL

@@ -36,7 +36,7 @@ class NewtonKrylov:
 
     def begin(self, fields: Sequence[Field]) -> None:
         """See Scheme."""
-        self._fields, self._before, self._careful = tuple(fields), None, 1.0
+        self._fields, self._before = tuple(fields), None
 
     def step(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
         """Next x, same shape and unit."""
@@ -68,9 +68,10 @@ class NewtonKrylov:
 
     def end(self, status: str, x: np.ndarray, r: np.ndarray) -> None:
         """See Scheme."""
+        self._careful = 1.0
 
     def restart(self) -> bool:
-        """Go on with steps of half the length."""
+        """Go on with steps of half the length, to the end of this call or of the next."""
         self._careful *= 0.5
         self._before = None
         return True

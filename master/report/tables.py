@@ -136,8 +136,9 @@ def plain(value: Any) -> Any:
 def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[str, str]]:
     """What a run found, as names and texts with units; `content` is what summary.json holds."""
     aero, structural, result = run.blocks["aero"], run.blocks["structural"], run.result
+    how = f"{content['scheme']}, {content['settings'].get('order', 'serial')}, {content['backend']}"
     rows = [
-        ("scheme, backend", f"{content['scheme']}, {content['backend']}"),
+        ("scheme, order, backend", how),
         ("coupling iterations", f"{result.iterations}"),
         ("interface residual", _residual(result.residual, "m")),
         ("out-of-balance force", _residual(result.residual_N, "N")),
@@ -155,7 +156,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         weight = f"{abs(gravity) * mass:.2f} N{upwards}, " if "gravity" in structural else ""
         rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
-        rows.insert(7, ("lift over drag", f"{float(aero['glide_ratio']):.3f}"))
+        rows.insert(7, ("lift over drag, with lines", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural["tension"]
     lines = scene.members.names
     one_way = scene.members.area > 0.0

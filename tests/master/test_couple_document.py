@@ -36,9 +36,9 @@ STEADY = {"time/mode": "steady", "time/stop": REMOVED}
 
 # What is changed in a document that is right, and the sentence that answers it.
 MISTAKES = [
-    ({"times": {}}, "coupling: has no key 'times'; did you mean time?"),
+    ({"times": {}}, "coupling: knows no key 'times'; did you mean time?"),
     ({"time": 3}, "coupling: [time] must be a table, not 3."),
-    ({"time/steps": 3}, "coupling: [time] has no key 'steps'; did you mean step or stop?"),
+    ({"time/steps": 3}, "coupling: [time] knows no key 'steps'; did you mean step or stop?"),
     ({"time/step": REMOVED}, "coupling: [time] lacks step; give it."),
     ({"time/stop": REMOVED}, "coupling: [time] lacks stop; give it."),
     ({"time/step": 0.0}, "coupling: [time] step must be above zero, not 0.0."),
@@ -57,7 +57,7 @@ MISTAKES = [
         "[coupling.parameters] does not suit: omega0 must be finite and not zero",
     ),
     ({"coupling/parameters": {"reuse": "all"}}, "[coupling.parameters] does not suit: reuse"),
-    ({"coupling/scheme": "newton-krylov"}, "coupling: participant fluid offers no directional derivatives"),
+    ({"coupling/scheme": "newton-krylov"}, "[coupling] scheme takes directional derivatives"),
     ({"coupling/order": "both"}, "[coupling] order is 'both', which there is not; choose one of: serial, parallel."),
     ({"coupling/predictor": "cubic"}, "choose one of: constant, linear, quadratic."),
     ({"coupling/interpolation": "cubic"}, "choose one of: linear, constant."),
@@ -70,7 +70,7 @@ MISTAKES = [
     ({WALL + "/fmu": REMOVED}, "[participants.wall] lacks fmu; give it."),
     ({WALL + "/fmu": "well.fmu"}, "well.fmu, which is no file; paths are relative to the folder of this file."),
     ({WALL + "/fmu": "wall_slave.py"}, "wall_slave.py is not a readable FMU"),
-    ({WALL + "/sub_steps": 2}, "[participants.wall] has no key 'sub_steps'; did you mean substeps?"),
+    ({WALL + "/sub_steps": 2}, "[participants.wall] knows no key 'sub_steps'; did you mean substeps?"),
     ({WALL + "/substeps": 0.5}, "[participants.wall] substeps must be a whole number of at least 1, not 0.5."),
     ({WALL + "/start/stifness": 1.0}, "[participants.wall.start] stifness does not suit: wall.fmu has no variable or "
                                       "block 'stifness'; did you mean stiffness"),
@@ -94,7 +94,7 @@ MISTAKES = [
     ({WALL + "/blocks/stiffness": "mass"}, "block 'stiffness' has the name of another variable of wall.fmu"),
     ({WALL + "/blocks/n": {"variables": "steps", "factor": 2.0}}, "block 'n' has a factor, but 'steps' is no Real"),
     ({FLUID + "/blocks/load/factor": 0.0}, "[participants.fluid.blocks.load] factor must not be zero"),
-    ({FLUID + "/blocks/load/facto": 1.0}, "[participants.fluid.blocks.load] has no key 'facto'; did you mean factor?"),
+    ({FLUID + "/blocks/load/facto": 1.0}, "[participants.fluid.blocks.load] knows no key 'facto'; did you mean f"),
     ({FLUID + "/blocks/load/shape": [3]}, "block 'load' has 2 variables, which do not fill the shape [3]."),
     ({FLUID + "/blocks/load/shape": [1, 2]}, "[[connections]] 1: fluid.load has shape [1, 2], but wall.load [2]; make "
                                              "blocks of one shape"),
@@ -102,7 +102,7 @@ MISTAKES = [
     ({"connections": {}}, "connections must be tables, each headed [[connections]]."),
     ({"connections/0/factor": 0}, "[[connections]] 1: factor must not be zero, as nothing would arrive"),
     ({"connections/0/from": "load"}, "[[connections]] 1: from is 'load'; write participant.block."),
-    ({"connections/0/form": "x"}, "[[connections]] 1: has no key 'form'; did you mean from"),
+    ({"connections/0/form": "x"}, "[[connections]] 1: knows no key 'form'; did you mean from"),
     ({"connections/0/from": "fluit.load"}, "from names no participant 'fluit'; did you mean fluid?"),
     ({"connections/0/from": "fluid.loads"}, "from is 'fluid.loads', but fluid.fmu has no variable or block 'loads'; "
                                             "did you mean load"),
@@ -112,7 +112,7 @@ MISTAKES = [
     ({"connections/0/to": "wall.F_1"}, "fluid.load has shape [2], but wall.F_1 []"),
     ({"results/record": ["wall.speed"]}, "[results] record is 'wall.speed', but wall.fmu has no variable or block"),
     ({"results/record": "wall.position"}, "[results] record must be a list of names in quotes"),
-    ({"results/file": "x.csv"}, "[results] has no key 'file'; it has: record."),
+    ({"results/file": "x.csv"}, "[results] knows no key 'file'; it has: record."),
 ]  # fmt: skip
 
 

@@ -345,8 +345,15 @@ def test_after_a_restart_the_first_step_is_a_careful_relaxation(name):
     problem = Linear(10)
     fixed_point(problem.G, problem.x0, scheme, residual_rtol=1e-6)
     assert scheme.columns
-    scheme.begin([slice(None)])
-    assert scheme.restart()
     x, r = np.zeros(10), np.ones(10)
-    assert np.allclose(scheme.step(x, r), 0.25 * 0.4 * r, rtol=1e-15, atol=0.0)
-    assert scheme.columns == 0
+    for within in (True, False):  # within a call, or between two as for a communication step that is begun anew
+        if within:
+            scheme.begin([slice(None)])
+        assert scheme.restart()
+        if not within:
+            scheme.begin([slice(None)])
+        assert scheme.columns == 0
+        assert np.allclose(scheme.step(x, r), 0.25 * 0.4 * r, rtol=1e-15, atol=0.0)
+        scheme.end("max_iterations", x, r)
+    scheme.begin([slice(None)])
+    assert np.allclose(scheme.step(x, r), 0.4 * r, rtol=1e-15, atol=0.0)
