@@ -178,13 +178,17 @@ def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]
     ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit.
     """
     about = head(path)
-    for key, mine in (("scene", scene), ("backend", backend)):
-        if about.get(key) != mine:
-            remedy = "" if key == "scene" else f"; add --backend {about.get(key)}"
-            raise ValueError(f"checkpoint {path} is of {key} {about.get(key)}, this run of {mine}{remedy}.")
+    _require_same(path, about, scene=scene, backend=backend)
     kept = {name: str(value) for name, value in about["scene_settings"].items()}
     kept |= {name: _text(value) for name, value in about["parameters"].items()}
     return {**kept, **assigned}
+
+
+def _require_same(path: Path, was: Mapping[str, Any], **now: str) -> None:
+    for key, mine in now.items():
+        if was.get(key) != mine:
+            remedy = f"name that {key}" if key == "scene" else f"add --{key} {was.get(key)}"
+            raise ValueError(f"checkpoint {path} is of {key} {was.get(key)}, this run of {mine}; {remedy}.")
 
 
 def _text(value: Any) -> str:
@@ -230,6 +234,7 @@ def restart(
     shall change.
     """
     was, content = read(path)
+    _require_same(path, was, scene=about["scene"])
     now = json.loads(json.dumps(dict(about), default=str))
     for name, value in now["scene_settings"].items():
         if was["scene_settings"].get(name) != value:
@@ -248,8 +253,6 @@ def restart(
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
     remark = f"went on from {path.name} after {was['coupling_iterations']} coupling iterations"
-    kept = [k for k in was["parameters"] if k not in chosen and k != "trim_angle"]
-    remark += "".join(f", with {name} = {_text(was['parameters'][name])} as there" for name in kept)
     if not changed and not given and search.loop is not None:
         return search, [remark]
     if search.best is not None:

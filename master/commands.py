@@ -43,9 +43,10 @@ def run_scene(
     """Run a scene, print its table, write its files; the exit code."""
     _checked(choices)
     begin = time.perf_counter()
-    built = assigned
+    built, kept = assigned, []
     if files.restart is not None:
         built = checkpoint.remembered(files.restart, prepared(name, {})[0].name, choices["backend"], assigned)
+        kept = [f"{key} = {built[key]}" for key in built if key not in assigned and key != "trim_angle"]
     scene, given = prepared(name, built)
     out = out or Path("results") / scene.name
     results_folder(out)
@@ -62,6 +63,7 @@ def run_scene(
         remarks: list[str] = []
         if files.restart is not None:
             options["search"], remarks = checkpoint.restart(files.restart, coupling, used, about, assigned)
+            remarks += [f"as in the checkpoint: {', '.join(kept)}"] if kept else []
         keeper = checkpoint.Keeper(files.checkpoint, files.every, coupling, used, about)
         run = coupled_run(coupling, used, choices["stability"], shown, hold=keeper, **options)
         if run.status in ("converged", "statically_unstable"):

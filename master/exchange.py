@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from master.participants import Participant
+from master.participants import Participant, StepFailed
 
 Order = Literal["serial", "parallel"]
 Interpolation = Literal["linear", "constant"]
@@ -226,7 +226,8 @@ class Exchange:
         try:
             yield
         except Exception as error:
-            reason = str(error).rstrip(".") or type(error).__name__
+            plain = isinstance(error, StepFailed | ValueError | RuntimeError) and str(error)
+            reason = str(error).rstrip(".") if plain else f"{type(error).__name__}: {error}".rstrip(".: ")
             raise CoupledStepFailed(f"{self.described(name)} {failed}: {reason}") from error
         finally:
             self.seconds[name] += time.perf_counter() - start

@@ -227,7 +227,7 @@ def test_a_coupled_solve_goes_on_bitwise_from_every_coupling_iteration(name, met
         search, remarks = checkpoint.restart(
             path, coupling, fresh, about(name, coupling, scheme=method, order=order), {}
         )  # fmt: skip
-        assert remarks == [f"went on from {path.name}, {at} coupling iterations from its beginning"]
+        assert remarks == [f"went on from {path.name} after {at} coupling iterations"]
         again = solve(coupling, fresh, atol=1e-7, order=order, search=search)
         assert_same(again, whole)
         for entry in ("_shares", "_floor", "_omega", "_size"):
@@ -268,7 +268,11 @@ def test_fewer_iterations_than_were_made_before_the_tolerance_was_tightened_end_
     ("change", "chosen", "says"),
     [
         ({"tolerance": 1e-9}, {}, "tolerance 1e-07 -> 1e-09"),
-        ({"scheme": "aitken"}, {}, "scheme iqn-ils -> aitken, without the history of another scheme"),
+        (
+            {"scheme": "aitken"},
+            {},
+            "aitken; coupling iterations are counted anew, without the history of another scheme",
+        ),
         ({"parameters": {"wind_speed": 16.0}}, {"wind_speed": "16"}, "wind_speed 15.0 -> 16.0"),
     ],
 )
@@ -334,7 +338,7 @@ def test_a_folder_a_missing_file_and_another_scene_are_refused_in_one_sentence(t
         checkpoint.restart(path, coupling, IQNILS(), about("kite", coupling), {})
     coupling = in_process("typical_section")
     other = about("section", coupling, scene_settings={"variant": "restoring"})
-    with pytest.raises(ValueError, match=r"is of scene_settings.*\.$"):
+    with pytest.raises(ValueError, match=r"has variant = .*, this run restoring.*\.$"):
         checkpoint.restart(path, coupling, IQNILS(), other, {})
 
 
@@ -501,7 +505,7 @@ def test_the_command_refuses_other_settings_of_a_scene(tmp_path):
     path = tmp_path / "kept.checkpoint"
     keep, onward = checkpoint.Files(checkpoint=path), checkpoint.Files(restart=path)
     assert commands.run_scene("typical_section", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
-    with pytest.raises(ValueError, match=r"is of scene_settings.*\.$"):
+    with pytest.raises(ValueError, match=r"has variant = divergent, this run restoring.*\.$"):
         commands.run_scene("typical_section", CHOICES, {"variant": "restoring"}, tmp_path / "b", onward)
     with pytest.raises(ValueError, match=r"--checkpoint-every must be at least 1.*\.$"):
         commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", checkpoint.Files(path, 0))

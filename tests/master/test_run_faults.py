@@ -57,7 +57,7 @@ def test_a_fault_of_a_solver_of_the_kite_is_overcome_and_reported(sound, where, 
     names = {"nan": "finite", "raise": "a fault of the solver", "discard": "the step was discarded"}
     assert names[fault] in recovery["reason"]
     assert fault == "nan" or f"the {where} solver" in recovery["reason"]
-    assert any(remark.startswith(f"recovered after evaluation {at}") for remark in content["remarks"])
+    assert any(r.startswith("recovered: ") and f"evaluation {at}" in r for r in content["remarks"])
     json.dumps(content["recoveries"])
     # both within 1e-5 m of the residual, and (I - G')^-1 is below 10 for this kite
     assert np.abs(run.result.displacement - sound("iqn-ils").result.displacement).max() < 1e-4
@@ -101,8 +101,9 @@ def test_a_solver_that_keeps_failing_ends_as_diverged(where, fault, first):
     assert run.message.endswith(".")
     assert {"nan": "finite", "raise": "a fault of the solver", "discard": "discarded"}[fault] in run.message
     assert alive(coupling) == (0, 0)
-    assert len(run.result.recoveries) == 3
-    assert run.result.iterations == len(run.result.history) == first + 3
+    tried = 3 if first > 1 else 1  # without a better point to go back to, the same is tried once more
+    assert len(run.result.recoveries) == tried
+    assert run.result.iterations == len(run.result.history) == first + tried
     assert np.all(np.isfinite(run.result.displacement))
     summary(run, SETTINGS)
 
@@ -126,7 +127,7 @@ def test_the_command_ends_with_exit_code_1_and_says_why(backend, tmp_path, monke
     content = json.loads((tmp_path / "summary.json").read_text())
     assert content["status"] == "diverged"
     assert "the step was discarded" in content["message"]
-    assert len(content["recoveries"]) == 3
+    assert len(content["recoveries"]) == 1  # the first evaluation, tried once more
 
 
 def test_a_solver_that_ended_is_reported_with_its_reason():
