@@ -29,7 +29,10 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
     sentence if it cannot be written.
     """
     path = Path(path)
-    data = pickle.dumps(dict(content), protocol=5)
+    try:
+        data = pickle.dumps(dict(content), protocol=5)
+    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        raise ValueError(f"checkpoint {path} cannot be written: {str(error).rstrip('.')}.") from error
     head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
     part = path.with_name(path.name + ".part")
     try:

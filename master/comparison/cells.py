@@ -60,7 +60,7 @@ def solved(cell: Cell) -> dict[str, Any]:
         row = solves[0][0]
     except Exception as error:
         # a defect of one cell must not end the others
-        return crashed(cell, f"{type(error).__name__}: {error}")
+        return crashed(f"{type(error).__name__}: {error}")
     row["seconds"] = seconds | {"cell": time.perf_counter() - begin}
     return row
 
@@ -72,7 +72,7 @@ def _warm(cell: Cell, scene: Any, given: dict[str, Any]) -> None:
         solve(Coupling.in_process(scene, given), scheme("relaxation"), max_iterations=2)
 
 
-def crashed(cell: Cell, reason: str) -> dict[str, Any]:
+def crashed(reason: str) -> dict[str, Any]:
     """The row of a cell that gave no result, for a reason."""
     return {"status": "crashed", "message": " ".join(reason.split())}
 

@@ -59,7 +59,7 @@ def _shared_out(cells: list[Cell], jobs: int, slots: dict[int, ProcessPoolExecut
                 row = future.result()
             except BrokenProcessPool:
                 slots.pop(slot).shutdown(wait=False)
-                row = crashed(cell, DIED)
+                row = crashed(DIED)
             begin(slot)
             yield cell, row
 

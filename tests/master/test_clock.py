@@ -66,3 +66,9 @@ def test_a_march_with_connections_in_another_sequence_is_refused_and_not_mixed_u
     same = oscillator(0.1)
     rest = march(same, None, 0.5, "parallel", begun=checkpoint.march_of(same, content))
     assert np.array_equal(rest.x, march(oscillator(0.1), None, 0.5, "parallel").x)
+
+
+def test_what_cannot_be_pickled_is_refused_by_file_and_leaves_none(tmp_path):
+    with pytest.raises(ValueError, match=r"a b\.ckp cannot be written: .*\.$"):
+        checkpoint.write(tmp_path / "a b.ckp", {}, {"scheme": lambda x, r: x + r})
+    assert not list(tmp_path.iterdir())
