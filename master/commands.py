@@ -10,6 +10,7 @@ import numpy as np
 
 from master import checkpoint
 from master.coupling import Coupling
+from master.exchange import ORDERS
 from master.participants import FmuParticipant
 from master.report import (
     RESULTS,
@@ -29,7 +30,6 @@ from master.schemes import SCHEMES, scheme
 from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
-ORDERS = ("serial", "parallel")
 
 
 def run_scene(

@@ -9,13 +9,14 @@ import contextlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from master.participants import Participant, StepFailed
 
 Order = Literal["serial", "parallel"]
+ORDERS: tuple[Order, ...] = get_args(Order)
 Interpolation = Literal["linear", "constant"]
 
 

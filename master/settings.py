@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 from master.convergence import Tolerance
 from master.entries import Table
-from master.exchange import Interpolation, Order
+from master.exchange import ORDERS, Interpolation, Order
 from master.predictor import PREDICTORS
 from master.schemes import SCHEMES, scheme
 
@@ -79,7 +79,7 @@ def settings_in(whole: Table) -> Settings:
         step=step,
         scheme=name,
         parameters=parameters.content,
-        order="parallel" if coupling.text("order", "serial", get_args(Order)) == "parallel" else "serial",
+        order="parallel" if coupling.text("order", "serial", ORDERS) == "parallel" else "serial",
         predictor=coupling.text("predictor", "linear", PREDICTORS),
         interpolation="constant"
         if coupling.text("interpolation", "linear", get_args(Interpolation)) == "constant"

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from master.commands import BACKENDS, ORDERS, prepared
+from master.commands import BACKENDS, prepared
+from master.exchange import ORDERS
 from master.report.tables import versions
 from master.schemes import SCHEMES, defaults
 
