@@ -75,22 +75,28 @@ def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
     return about, data
 
 
-def participants(exchange: Exchange, states: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Clock, counters and serialised states of the participants: the present ones, or `states` saved before."""
-    now = exchange.saved() if states is None else dict(states)
+def serialised(exchange: Exchange, states: Mapping[str, Any]) -> dict[str, bytes]:
+    """States of the participants as bytes."""
+    return {name: exchange.participants[name].serialised(state) for name, state in states.items()}
+
+
+def participants(exchange: Exchange) -> dict[str, Any]:
+    """Clock, counters and serialised states of the participants as they are now."""
+    now = exchange.saved()
     try:
-        kept = {name: exchange.participants[name].serialised(state) for name, state in now.items()}
+        kept = serialised(exchange, now)
     finally:
-        if states is None:
-            exchange.freed(now)
-    return {"time": exchange.time, "evaluations": exchange.evaluations, "states": kept}
+        exchange.freed(now)
+    return {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
 
 
 def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
     """Return participants made alike to what `participants` kept; ValueError in one sentence if they are others."""
     if missing := sorted(kept["states"].keys() ^ exchange.saving()):
         raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
-    exchange.time, exchange.evaluations = kept["time"], kept["evaluations"]
+    (begin, count), dt = kept["clock"], kept["dt"]
+    exchange.clock = (begin, count) if dt == exchange.dt else (begin + count * dt, 0)
+    exchange.evaluations = kept["evaluations"]
     states: dict[str, Any] = {}
     try:
         for name, data in kept["states"].items():
@@ -104,7 +110,7 @@ def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
 
 def of_search(coupling: Coupling, scheme: Scheme, search: Search, warmth: Warmth | None) -> dict[str, Any]:
     """Content of a checkpoint of a coupled solve; `warmth` None after its end."""
-    best = None if warmth is None else participants(coupling, warmth.states)
+    best = None if warmth is None else {"states": serialised(coupling, warmth.states), "clock": warmth.clock}
     return {"search": search, "scheme": scheme, "participants": participants(coupling), "best": best}
 
 
@@ -116,7 +122,8 @@ def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
     put_back(coupling, content["participants"])
     if content["best"] is not None:
         best = content["best"]["states"]
-        search.best = {n: coupling.participants[n].deserialised(data) for n, data in best.items()}
+        states = {n: coupling.participants[n].deserialised(data) for n, data in best.items()}
+        search.best = states, content["best"]["clock"]
     return search
 
 
@@ -142,21 +149,26 @@ def march_of(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | No
 
 @dataclass(frozen=True)
 class Files:
-    """What a run shall write: a checkpoint before every `every`-th coupling iteration; and where it goes on from."""
+    """Where a run keeps a checkpoint, after how many coupling iterations (through time: steps) each, and which one it
+    goes on from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
+    """
 
     checkpoint: Path | None = None
     every: int = 1
     restart: Path | None = None
 
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
+        if self.checkpoint is not None and self.checkpoint.is_dir():
+            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
+        if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
+            raise ValueError(
+                f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
+            )
 
-def require_place(path: Path | None) -> None:
-    """ValueError in one sentence if a checkpoint cannot be written there."""
-    if path is None:
-        return
-    if path.is_dir():
-        raise ValueError(f"--checkpoint {path} is a folder; name a file.")
-    if not path.parent.is_dir():
-        raise ValueError(f"--checkpoint {path}: there is no folder {path.parent}; make it first.")
+
+NO_FILES = Files()
 
 
 def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]) -> dict[str, str]:
@@ -218,7 +230,8 @@ def restart(
     With the settings as they were the loop goes on bitwise as if it had not stopped. With others (scheme, tolerances,
     tunable parameters among the `chosen`) a new loop begins at the shape and with the solvers' states of the
     checkpoint, and with its quasi-Newton history where the scheme is of the same kind. ValueError in one sentence for
-    a checkpoint of another scene or with other settings of it, and for a fixed parameter that shall change.
+    a checkpoint of another scene, with other settings of it or of the other backend, and for a fixed parameter that
+    shall change.
     """
     was, content = read(path)
     _require_same(path, was, scene=about["scene"])
@@ -233,13 +246,17 @@ def restart(
     for name in given:
         if name in coupling.fixed():
             raise ValueError(f"{name} is fixed once a run has begun; leave it out in a restart.")
-    search = search_of(coupling, content)
+    try:
+        search = search_of(coupling, content)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
     remark = f"went on from {path.name} after {was['coupling_iterations']} coupling iterations"
     if not changed and not given and search.loop is not None:
         return search, [remark]
-    coupling.freed(search.best or {})
+    if search.best is not None:
+        coupling.freed(search.best[0])
     for name in given:
         for participant in (coupling.structural, coupling.aero):
             if participant.causality.get(name) == "parameter":

@@ -80,8 +80,9 @@ def run(
         "stability": stability,
         "report": report,
     }
-    files = Files(checkpoint, checkpoint_every, restart)
-    _finish(lambda: run_scene(scene, choices, _assignments(set_), out, files, live))
+    _finish(
+        lambda: run_scene(scene, choices, _assignments(set_), out, Files(checkpoint, checkpoint_every, restart), live)
+    )
 
 
 @app.command(short_help="Build the structural and the aerodynamic FMU of SCENE.")
@@ -160,7 +161,6 @@ def compare(
     from master.comparison.command import compare_scenes
 
     options = {
-        "settings": _assignments(set_),
         "orders": [part.strip() for part in order.split(",") if part.strip()],
         "backend": backend,
         "tolerance": tolerance,
@@ -170,7 +170,11 @@ def compare(
         "jobs": jobs,
         "fresh": fresh,
     }
-    _finish(lambda: compare_scenes(scene, schemes, parameters or [], sweep or [], out, **options))
+    _finish(
+        lambda: compare_scenes(
+            scene, schemes, parameters or [], sweep or [], out, settings=_assignments(set_), **options
+        )
+    )
 
 
 @app.command(short_help="List scenes and what each one needs.")

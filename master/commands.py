@@ -30,7 +30,6 @@ from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
 ORDERS = ("serial", "parallel")
-NO_FILES = checkpoint.Files()
 
 
 def run_scene(
@@ -38,14 +37,11 @@ def run_scene(
     choices: dict[str, Any],
     assigned: dict[str, str],
     out: Path | None,
-    files: checkpoint.Files = NO_FILES,
+    files: checkpoint.Files = checkpoint.NO_FILES,
     live: bool = False,
 ) -> int:
     """Run a scene, print its table, write its files; the exit code."""
     _checked(choices)
-    if files.every < 1:
-        raise ValueError(f"--checkpoint-every must be at least 1, not {files.every}.")
-    checkpoint.require_place(files.checkpoint)
     begin = time.perf_counter()
     built, kept = assigned, []
     if files.restart is not None:

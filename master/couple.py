@@ -10,18 +10,14 @@ from typing import Any
 import numpy as np
 
 from master import checkpoint
-from master.checkpoint import Files
+from master.checkpoint import NO_FILES, Files
 from master.document import Document
 from master.exchange import CoupledStepFailed, Exchange
 from master.fixed_point import FixedPointResult, fixed_point
 from master.mapping import MappedParticipant
-from master.march import March, MarchResult, Steps, march, without_rollback
-from master.predictor import Predictor
+from master.march import STATUSES, March, MarchResult, Steps, march, without_rollback
 from master.recovery import Warmth
 from master.schemes import scheme
-
-EXIT_CONVERGED, EXIT_NOT_CONVERGED = 0, 1
-NO_FILES = Files()
 
 # Told after every communication step (steady: evaluation): its number, the time s, the residual norm, the blocks that
 # are recorded by name.
@@ -116,11 +112,9 @@ class Run:
         if files.checkpoint is not None or files.restart is not None:
             self._check_checkpoints()
         if files.restart is None:
-            self.now = March(exchange.present(s.order), Predictor(s.predictor))
-            self.now.predictor.add(exchange.time, self.now.x)
+            self.now = March.beginning(exchange, s.order, s.predictor)
         else:
-            _, content = checkpoint.read(files.restart)
-            self.now = checkpoint.march_of(exchange, content, self.scheme)
+            self.now = self._restarted(files.restart)
         self.number = len(self.now.steps)
 
     def _check_checkpoints(self) -> None:
@@ -142,10 +136,30 @@ class Run:
                     "so there are no checkpoints."
                 )
 
+    def _models(self) -> dict[str, str]:
+        """The model of each participant."""
+        return {name: described.model for name, described in self.document.described.items()}
+
+    def _restarted(self, path: Path) -> March:
+        """Where a run goes on from a checkpoint; ValueError in one sentence if that is of something else."""
+        about, content = checkpoint.read(path)
+        if about.get("models", self._models()) != self._models():
+            raise ValueError(
+                f"checkpoint {path} is of the models {', '.join(about['models'].values())}, this file of "
+                f"{', '.join(self._models().values())}; begin without it."
+            )
+        try:
+            now = checkpoint.march_of(self.exchange, content, self.scheme)
+            now.require_fields(self.exchange, self.document.settings.order)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+        return now
+
     def _hold(self, now: March) -> None:
         last = self.exchange.time > self.document.settings.stop - 0.5 * self.exchange.dt
         if self.files.checkpoint is not None and (last or len(now.steps) % self.files.every == 0):
-            about = {"document": self.document.file, "time": self.exchange.time, "steps": len(now.steps)}
+            about: dict[str, Any] = {"document": self.document.file, "models": self._models()}
+            about |= {"time": self.exchange.time, "steps": len(now.steps)}
             checkpoint.write(self.files.checkpoint, about, checkpoint.of_march(self.exchange, self.scheme, now))
 
     def ended(self) -> MarchResult:
@@ -176,7 +190,7 @@ class Run:
     def _steady(self) -> MarchResult:
         """One fixed point, every evaluation a step in pseudo-time; nothing is put back unless an evaluation failed."""
         s, exchange, steps = self.document.settings, self.exchange, self.now.steps
-        safe = not without_rollback(exchange)
+        anchor = None
 
         def evaluated(k: int, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray) -> None:
             norm = float(np.linalg.norm(r))
@@ -184,8 +198,8 @@ class Run:
             if np.isfinite(norm):
                 self._follow(norm)
 
-        anchor = Warmth(exchange)
         try:
+            anchor = None if without_rollback(exchange) else Warmth(exchange)
             found = fixed_point(
                 lambda x: exchange.evaluate(x, s.order),
                 self.now.x,
@@ -196,16 +210,17 @@ class Run:
                 s.max_iterations,
                 exchange.fields(s.order),
                 callback=evaluated,
-                recoveries=s.recoveries if safe else 0,
-                anchor=anchor if safe else None,
+                recoveries=0 if anchor is None else s.recoveries,
+                anchor=anchor,
             )
-        except CoupledStepFailed as error:  # a participant that has ended cannot be put back
+        except CoupledStepFailed as error:  # a participant that could not save its state
             status, message = "diverged", f"The run cannot go on: {error}"
         else:
             self.now.x, status, message = found.x_tilde, found.status, found.message
             _judge(steps, found)
         finally:
-            anchor.close()
+            if anchor is not None:
+                anchor.close()
         return MarchResult(
             status, message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
         )
@@ -223,8 +238,6 @@ class Run:
 
 def _judge(steps: Steps, found: FixedPointResult) -> None:
     """Give the last evaluation the status of the whole, and each recovery to the evaluation that it followed."""
-    from master.march import STATUSES
-
     steps.codes[-1] = STATUSES.index(found.status)
     for event in found.recoveries:
         steps.recoveries[event.iteration - 1] += 1

@@ -7,20 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from master.checkpoint import Files, require_place
-from master.couple import EXIT_CONVERGED, EXIT_NOT_CONVERGED, NO_FILES, Follower, couple
+from master.checkpoint import NO_FILES, Files
+from master.couple import Follower, couple
 from master.document import Document
 from master.report.console import print_rows, print_written
 from master.report.couple import NO_PLOT, RESULTS, result_rows
+from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED
 
 SHOWN = 8  # sentences about steps, and inputs without a source, on the terminal
 
 
 def couple_file(path: Path, out: Path | None = None, report: bool = True, files: Files = NO_FILES) -> int:
     """Couple the FMUs of a file, print its table, write its results; the exit code."""
-    if files.every < 1:
-        raise ValueError(f"--checkpoint-every must be at least 1, not {files.every}.")
-    require_place(files.checkpoint)
     document = Document.read(path)
     out = out or Path("results") / path.stem
     with _progress(document) as follow:

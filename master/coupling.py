@@ -141,7 +141,7 @@ class Search:
     """Where a coupled solve stands: what it needs, with the states of the participants, to go on.
 
     `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given; `best` are the states of
-    the participants at the best point, once, after a checkpoint was read.
+    the participants at the best point and their clock, once, after a checkpoint was read.
     """
 
     order: Order
@@ -150,7 +150,7 @@ class Search:
     history: list[dict[str, float]] = field(default_factory=list)
     recoveries: list[Recovery] = field(default_factory=list)
     loop: Progress | None = None
-    best: dict[str, Any] | None = None
+    best: tuple[dict[str, Any], tuple[float, int]] | None = None
 
 
 def _imbalance(coupling: Coupling, shown: np.ndarray, search: Search) -> tuple[float, str]:

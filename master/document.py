@@ -13,6 +13,8 @@ from master.march import require_rollback
 from master.schemes import scheme
 from master.settings import Settings, settings_in
 
+WALL_TIMES = ("total", "set_up", "master")  # beside the names of the participants
+
 
 @dataclass(frozen=True)
 class Member:
@@ -114,6 +116,8 @@ def _member(listed: Table, name: str, folder: Path) -> tuple[Member, Described]:
     table.require_only("fmu", "memoryless", "substeps", "start", "blocks")
     if not name or "." in name or '"' in name:
         raise table.wrong("has a name with a dot or nothing in it; choose one of letters, digits and _.")
+    if name in WALL_TIMES:
+        raise table.wrong("has a name that the wall times of the results use; choose another.")
     path, blocks, start = folder / table.text("fmu"), table.table("blocks"), table.table("start")
     if not path.is_file():
         raise table.refused("fmu", f"names {path}, which is no file; paths are relative to the folder of this file.")

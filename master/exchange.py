@@ -53,7 +53,8 @@ class Exchange:
     their values at the beginning of the communication step to the new ones, or are the new ones (`interpolation`).
     With `rollback` an evaluation begins at the states saved by `open`, so that a communication step can be repeated;
     without it time goes on with every evaluation, as in scenes without inertia. `evaluations` counts evaluations,
-    `products` directional derivatives of participants, `seconds` what each participant took.
+    `products` directional derivatives of participants, `seconds` what each participant took. `clock` is when steps of
+    this size began, s, and how many there were since: times counted so do not drift with the rounding of many sums.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class Exchange:
     ) -> None:
         self.participants = dict(participants)
         self.connections = list(connections)
-        self.dt, self.start, self.time = float(dt), float(time), float(time)
+        self.dt, self.clock = float(dt), (float(time), 0)
         self.substeps = dict.fromkeys(self.participants, 1) | dict(substeps or {})
         self.interpolation: Interpolation = interpolation
         self.rollback = rollback
@@ -127,6 +128,22 @@ class Exchange:
     def _shape(self, c: Connection) -> tuple[int, ...]:
         return tuple(self.participants[c.source].blocks[c.output])
 
+    @property
+    def time(self) -> float:
+        """Where the communication step under way begins, s."""
+        begin, count = self.clock
+        return begin + count * self.dt
+
+    @property
+    def end(self) -> float:
+        """Where the communication step under way ends, s."""
+        begin, count = self.clock
+        return begin + (count + 1) * self.dt
+
+    def _tick(self) -> None:
+        begin, count = self.clock
+        self.clock = begin, count + 1
+
     def fields(self, order: Order = "serial") -> dict[str, slice]:
         """Name of each unknown, participant.block, -> its entries in x."""
         return dict(self._fields[order])
@@ -155,7 +172,7 @@ class Exchange:
                 for field in {c.field: c for c in self.connections if c.source == name}.values():
                     sent[field.field] = participant.get(field.output)
         if not self.rollback:
-            self.time += self.dt
+            self._tick()
         return self._collected(fields, sent)
 
     def derivative(self, v: np.ndarray, order: Order = "serial") -> np.ndarray:
@@ -267,9 +284,7 @@ class Exchange:
         """End a communication step: time goes on, the states of its beginning are freed."""
         self.abandon()
         if self.rollback:
-            count = (self.time - self.start) / self.dt
-            exact = abs(count - round(count)) < 1e-6  # not summed up, so that long runs end where they are to end
-            self.time = self.start + (round(count) + 1) * self.dt if exact else self.time + self.dt
+            self._tick()
 
     def abandon(self) -> None:
         """Free the states of the beginning of the communication step; the participants stay as they are."""

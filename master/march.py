@@ -59,30 +59,37 @@ class Steps:
 
 @dataclass
 class March:
-    """Where a run through time stands after a communication step: with the states of the participants, all of it.
-
-    `clock` is when steps of the present size began: time s, steps before, and their size s. Counting from there,
-    times do not drift with the rounding of many sums.
+    """Where a run through time stands after a communication step: with the states and the clock of the exchange, all
+    of it. `x` (unknowns,) is what is sent back, `fields` which entries of it are whose.
     """
 
     x: np.ndarray
+    fields: dict[str, slice]
     predictor: Predictor
     steps: Steps = field(default_factory=Steps)
-    clock: tuple[float, int, float] = (0.0, 0, 0.0)
 
-    def go_on(self, time: float, dt: float, predictor: str) -> None:
-        """Continue at a time with steps of dt s and a kind of predictor, which may be others than before."""
-        if self.clock[2] != dt:
-            self.clock = (time, len(self.steps), dt)
+    @classmethod
+    def beginning(cls, exchange: Exchange, order: Order, predictor: str) -> "March":
+        """Where the exchange stands before its first step."""
+        now = cls(exchange.present(order), exchange.fields(order), Predictor(predictor))
+        now.predictor.add(exchange.time, now.x)
+        return now
+
+    def require_fields(self, exchange: Exchange, order: Order) -> None:
+        """ValueError in one sentence if what is sent back in an exchange is not what was."""
+        if self.fields != exchange.fields(order):
+            was, here = (", ".join(fields) or "none" for fields in (self.fields, exchange.fields(order)))
+            raise ValueError(
+                f"the run to continue has the unknowns {was}, but in order {order} they are {here} here; go on with "
+                "the order and the connections of then."
+            )
+
+    def use_predictor(self, predictor: str) -> None:
+        """Go on with a kind of predictor, which may be another than before."""
         if self.predictor.kind != predictor:
             was, self.predictor = self.predictor, Predictor(predictor)
             for t, x in was.known():
                 self.predictor.add(t, x)
-
-    def time(self) -> float:
-        """End of the last step, s."""
-        begin, before, dt = self.clock
-        return begin + (len(self.steps) - before) * dt
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +119,7 @@ def march(
     max_iterations: int = 100,
     strict: bool = True,
     recoveries: int = 3,
-    callback: Callable[[float, FixedPointResult | None], object] | None = None,
+    callback: Callable[[float, FixedPointResult], object] | None = None,
     hold: Callable[[March], object] | None = None,
     begun: March | None = None,
 ) -> MarchResult:
@@ -133,13 +140,9 @@ def march(
         require_rollback(exchange)
     if not (np.isfinite(stop_time) and stop_time >= exchange.time):
         raise ValueError(f"the stop time {stop_time:g} s must not lie before the start, {exchange.time:g} s.")
-    now = begun
-    if now is None:
-        now = March(exchange.present(order), Predictor(predictor))
-        now.predictor.add(exchange.time, now.x)
-    if now.x.size != sum(f.stop - f.start for f in exchange.fields(order).values()):
-        raise ValueError(f"the run to continue has {now.x.size} unknowns, not those of order {order} here.")
-    now.go_on(exchange.time, exchange.dt, predictor)
+    now = begun or March.beginning(exchange, order, predictor)
+    now.require_fields(exchange, order)
+    now.use_predictor(predictor)
     count = round((stop_time - exchange.time) / exchange.dt)
     if abs(exchange.time + count * exchange.dt - stop_time) > 1e-6 * exchange.dt:
         raise ValueError(
@@ -166,17 +169,14 @@ def march(
             else:
                 ended, found = _implicit_step(exchange, scheme, now, order, settings)
             if ended not in GOOD and status == "converged":
-                reached = exchange.time + exchange.dt
                 status = ended
-                message = f"Communication step {len(now.steps)}, to {reached:g} s: {found.message}"
-            usable = found is not None and np.all(np.isfinite(found.x_tilde))
-            if ended not in GOOD and (strict or not usable):
+                message = f"Communication step {len(now.steps)}, to {exchange.end:g} s: {found.message}"
+            if ended not in GOOD and (strict or not np.all(np.isfinite(found.x_tilde))):
                 with contextlib.suppress(CoupledStepFailed):  # of a participant that has ended
                     exchange.rewind()
                 break
             now.x = found.x_tilde
             exchange.accept()
-            exchange.time = now.time()
             now.predictor.add(exchange.time, now.x)
             if callback is not None:
                 callback(exchange.time, found)
@@ -214,7 +214,7 @@ def _implicit_step(
     def attempt(x: np.ndarray) -> FixedPointResult:
         return _solved(exchange, scheme, x, order, **settings)
 
-    found = attempt(now.predictor.at(exchange.time + exchange.dt))
+    found = attempt(now.predictor.at(exchange.end))
     events: list[Recovery] = list(found.recoveries)
     iterations = found.iterations
     if not found.converged:
@@ -267,9 +267,7 @@ def _solved(exchange: Exchange, scheme: Scheme, x: np.ndarray, order: Order, **s
 def _book(
     exchange: Exchange, now: March, status: str, found: FixedPointResult, iterations: int, events: list[Recovery]
 ) -> None:
-    begin, before, dt = now.clock
-    reached = begin + (len(now.steps) + 1 - before) * dt
-    now.steps.append(reached, status, iterations, float(found.residual_norms[-1]), len(events))
+    now.steps.append(exchange.end, status, iterations, float(found.residual_norms[-1]), len(events))
     for event in events:
         now.steps.messages.append((len(now.steps), str(event)))
     if status not in GOOD:

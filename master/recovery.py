@@ -63,21 +63,21 @@ class Progress:
 
 
 class Warmth:
-    """Anchor of a coupling loop: the states of the participants at the best point so far, and their time."""
+    """Anchor of a coupling loop: the states of the participants at the best point so far, and their clock."""
 
-    def __init__(self, exchange: "Exchange", states: dict[str, Any] | None = None) -> None:
+    def __init__(self, exchange: "Exchange", best: tuple[dict[str, Any], tuple[float, int]] | None = None) -> None:
         self._exchange = exchange
-        self.states, self._time = exchange.saved() if states is None else states, exchange.time
+        self.states, self.clock = (exchange.saved(), exchange.clock) if best is None else best
 
     def mark(self) -> None:
         """See Anchor."""
         self._exchange.freed(self.states)
-        self.states, self._time = self._exchange.saved(), self._exchange.time
+        self.states, self.clock = self._exchange.saved(), self._exchange.clock
 
     def restore(self) -> None:
         """See Anchor."""
         self._exchange.put_back(self.states)
-        self._exchange.time = self._time
+        self._exchange.clock = self.clock
 
     def close(self) -> None:
         """Free the states."""

@@ -74,19 +74,13 @@ class Columns:
         out: np.ndarray = self.factors.T @ self.basis
         return out
 
-    def state(self) -> dict[str, Any]:
-        """Copies of the two factors."""
+    def __getstate__(self) -> dict[str, Any]:
+        """Copies of the two factors, without the room for more."""
         return {"basis": self.basis.copy(), "factors": self.factors.copy(), "count": self.count}
 
-    @classmethod
-    def of_state(cls, state: dict[str, Any]) -> "Columns":
-        """The columns that `state` came from, bitwise."""
-        made = cls()
-        made.count, made.rank = int(state["count"]), len(state["basis"])
-        made._q = np.array(state["basis"])
-        made._r = np.zeros((made.rank, made.count))
-        made._r[:] = state["factors"]
-        return made
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._q, self._r = state["basis"], state["factors"]
+        self.rank, self.count = len(self._q), state["count"]
 
     def _reserve(self, n: int) -> None:
         """Room for one more column, which doubles when it is used up."""

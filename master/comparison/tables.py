@@ -117,17 +117,23 @@ def markdown(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
-    """A row a cell with all numbers to their last digit, without histories; a `scheme.` or `given.` column that a cell
-    does not have is empty.
+    """A row a cell with all numbers to their last digit, vectors as 1.0,0.0,0.0, without histories; a column of a
+    setting that a cell does not have is empty.
     """
     first = [k for k in rows[0] if not k.endswith(("_history", "_history_m", "_history_N"))]
     first = [k for k in first if "." not in k and not k.startswith("newton_history")]
-    more = dict.fromkeys(k for row in rows for k in row if k.startswith(("scheme.", "given.")))
+    more = dict.fromkeys(k for row in rows for k in row if "." in k)
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
     out.writerow([*first, *more])
-    out.writerows([["" if row.get(k) is None else row[k] for k in (*first, *more)] for row in rows])
+    out.writerows([[_entry(row.get(k)) for k in (*first, *more)] for row in rows])
     return text.getvalue()
+
+
+def _entry(value: Any) -> Any:
+    if isinstance(value, list):
+        return ",".join(map(str, value))
+    return "" if value is None else value
 
 
 def _number(value: float | None, form: str) -> str:

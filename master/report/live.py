@@ -10,6 +10,8 @@ from typing import Any
 Progress = Callable[[int, float], Any]
 
 ROWS, WIDEST = 12, 70  # size of the plot in characters
+TOLERANCE, POINT = "\u00b7", "\u2022"
+PLAIN = str.maketrans({TOLERANCE: ".", POINT: "o"})  # for terminals that show nothing but ASCII
 
 
 @contextlib.contextmanager
@@ -35,8 +37,11 @@ def progress(tolerance: float, live: bool) -> Iterator[Progress | None]:
             def draw(k: int, residual: float) -> None:
                 history.append(residual)
                 head = f"coupling iteration {k}: residual {residual:.3e} m, {time.perf_counter() - begin:.1f} s"
-                width = min(WIDEST, console.width - 8)
-                shown.update(Text("\n".join([head, *residual_plot(history, tolerance, width)])), refresh=True)
+                lines = residual_plot(history, tolerance, min(WIDEST, console.width - 8))
+                text = "\n".join([head, *lines])
+                if not console.encoding.startswith("utf"):
+                    text = text.translate(PLAIN)
+                shown.update(Text(text), refresh=True)
 
             yield draw
         return
@@ -66,8 +71,8 @@ def residual_plot(history: list[float], tolerance: float, width: int = WIDEST, r
         return round((high - y) / (high - low) * (rows - 1))
 
     lines = [[" "] * width for _ in range(rows)]
-    lines[row(tolerance)] = ["\u00b7"] * width
+    lines[row(tolerance)] = [TOLERANCE] * width
     for column, value in enumerate(shown):
-        lines[row(value)][column] = "\u2022" if math.isfinite(value) else "x"
+        lines[row(value)][column] = POINT if math.isfinite(value) else "x"
     labels = {0: f"1e{high:+03d}", rows - 1: f"1e{low:+03d}"}
     return [f"{labels.get(i, ''):>6} {''.join(line)}" for i, line in enumerate(lines)]

@@ -1,0 +1,69 @@
+"""`kitecosim couple` where a save fails, where a checkpoint is of something else, where a name is taken."""
+
+import pytest
+from typer.testing import CliRunner
+
+from master import couple
+from master.checkpoint import Files
+from master.cli import app
+from master.document import Document
+from master.participants import FmuParticipant
+from tests.master.test_couple import FLUID, WALL, oscillator
+
+
+def test_a_save_that_fails_ends_a_steady_run_with_its_reason(foreign, monkeypatch):
+    def save(self):
+        raise ValueError(f"{self.name}: no memory left")
+
+    monkeypatch.setattr(FmuParticipant, "save", save)
+    content = oscillator(fluid={"memoryless": False})
+    content["time"] = {"mode": "steady"}
+    content["participants"] = {"one": WALL, "two": WALL}
+    content["connections"] = [
+        {"from": "one.position", "to": "two.load"},
+        {"from": "two.position", "to": "one.load"},
+    ]
+    result = couple(Document.of(content, foreign))
+    assert result.status == "diverged"
+    assert "no memory left" in result.message
+    assert result.evaluations == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"order": "parallel"}, r"a\.ckp: the run to continue has the unknowns wall\.position, but in order parallel"),
+        ({"wall": FLUID, "fluid": WALL}, r"a\.ckp is of the models .*, this file of "),
+    ],
+)
+def test_a_checkpoint_of_another_order_or_of_other_models_is_refused_by_name(serialising, tmp_path, change, says):
+    file = tmp_path / "a.ckp"
+    couple(Document.of(oscillator(stop=0.2), serialising), files=Files(file))
+    content = oscillator(**{k: v for k, v in change.items() if k == "order"})
+    if "wall" in change:
+        content["participants"] = {"fluid": WALL, "wall": FLUID}
+        content["connections"] = [
+            {"from": "wall.load", "to": "fluid.load"},
+            {"from": "fluid.position", "to": "wall.place"},
+        ]
+    with pytest.raises(ValueError, match=says):
+        couple(Document.of(content, serialising), files=Files(restart=file))
+
+
+@pytest.mark.parametrize("name", ["total", "set_up", "master"])
+def test_a_participant_cannot_have_the_name_of_a_wall_time(foreign, name):
+    content = oscillator()
+    content["participants"][name] = content["participants"].pop("wall")
+    with pytest.raises(ValueError, match=rf"^coupling: \[participants\.{name}\] has a name .*\.$"):
+        Document.of(content, foreign)
+
+
+def test_a_checkpoint_of_the_other_backend_is_refused_with_the_remedy(tmp_path):
+    file, options = tmp_path / "a b.ckp", ["--no-report", "--out", str(tmp_path / "out")]
+    command = ["run", "typical_section", *options]
+    runner = CliRunner()
+    assert runner.invoke(app, [*command, "--backend", "in-process", "--checkpoint", str(file)]).exit_code == 0
+    ended = runner.invoke(app, [*command, "--restart", str(file)])
+    assert ended.exit_code == 2
+    assert "add --backend in-process" in ended.output
+    assert "a b.ckp" in ended.output
