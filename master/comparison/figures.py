@@ -55,6 +55,8 @@ def residual_figure(rows: Rows) -> "Figure":
             for row in mine:
                 _drawn(axes, row, "residual_history_m", looks[row["label"]], span[0])
             axes.axhline(tolerance, color=MIDDLE, ls="--", lw=0.8)
+            right = axes.get_yaxis_transform()  # x in parts of the panel
+            axes.text(0.9, 0.8 * tolerance, f"tolerance {tolerance:g} m", transform=right, ha="right", va="top", size=7)
             axes.set_ylim(*span)
 
         return _panels(

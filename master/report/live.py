@@ -36,7 +36,8 @@ def progress(tolerance: float, live: bool) -> Iterator[Progress | None]:
 
             def draw(k: int, residual: float) -> None:
                 history.append(residual)
-                head = f"coupling iteration {k}: residual {residual:.3e} m, {time.perf_counter() - begin:.1f} s"
+                took = time.perf_counter() - begin
+                head = f"coupling iteration {k}: residual {residual:.3e} m, {took:.1f} s; dotted: {tolerance:.0e} m"
                 lines = residual_plot(history, tolerance, min(WIDEST, console.width - 8))
                 text = "\n".join([head, *lines])
                 if not console.encoding.startswith("utf"):
