@@ -7,10 +7,6 @@ from typing import Any
 from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation, NewtonKrylov, Scheme
 from master.exchange import Exchange, Order
 
-# First relaxation of quasi-Newton schemes: the best factor for one eigenvalue lambda of the coupled map is
-# 1 / (1 - lambda), 0.7 at lambda = -0.5 (the V3 kite at 12 m/s) and 0.15 at -6 (its design chord at 20 m/s); one in
-# between serves both.
-FIRST_RELAXATION = 0.35
 # In the parallel order a relaxed displacement is at odds with the loads, which answer another one; the explicit first
 # update takes a third fewer iterations on the V3 kite.
 FIRST_PARALLEL = 1.0
@@ -41,13 +37,13 @@ SCHEMES: dict[str, Kind] = {
     "aitken": Kind(Aitken, {"omega": 0.5, "omega_max": 1.0}, "omega", "relaxation by the last two residuals"),
     "iqn-ils": Kind(
         IQNILS,
-        {"omega0": FIRST_RELAXATION, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 1e-4, "max_columns": 100},
+        {"omega0": IQNILS.omega0, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 1e-4, "max_columns": 100},
         "omega0",
         "quasi-Newton with an inverse Jacobian from least squares",
     ),
     "iqn-imvj": Kind(
         IQNIMVJ,
-        {"omega0": FIRST_RELAXATION, "filter": 1e-8, "curved": 0.03, "max_columns": 200},
+        {"omega0": IQNILS.omega0, "filter": 1e-8, "curved": 0.03, "max_columns": 200},
         "omega0",
         "quasi-Newton that corrects the inverse Jacobian of the step before",
     ),

@@ -42,7 +42,7 @@ BOUND = 1e-6
 def flown(name, settings, parameters, tolerance):
     """Both participants at the coupled equilibrium, solved to the tolerance N once more."""
     coupling = Coupling.in_process(scenes.load(name, settings), parameters)
-    assert solve(coupling, IQNILS(omega0=0.35)).status == "converged"
+    assert solve(coupling, IQNILS()).status == "converged"
     coupling.structural.set("solver_tolerance", tolerance)
     coupling(coupling.structural.get("displacement"))
     return coupling

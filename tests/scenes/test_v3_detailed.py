@@ -128,7 +128,7 @@ def test_a_kite_held_in_roll_and_yaw_turns_its_reactions_into_the_balance():
     scene = scenes.load("v3_kite_detailed", COARSE)
     tapes = {"steering_tape_left_length": 1.55, "steering_tape_right_length": 1.65}
     coupling = Coupling.in_process(scene, {**tapes, "hold_roll_and_yaw": 1.0})
-    result = solve(coupling, IQNILS(omega0=0.35))
+    result = solve(coupling, IQNILS())
     assert result.status == "converged"
     s, air, members = coupling.structural, coupling.aero, scene.members
     x = s.get("position")
