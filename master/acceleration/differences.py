@@ -13,8 +13,8 @@ from master.acceleration.scheme import Field, require_factor, unit
 # Factor on the steps in directions that are not known yet, each time a scheme begins anew after it was led astray, and
 # how it grows back to 1 with every fall of the residual.
 CAREFUL, REGAINED = 0.25, 1.5
-# First relaxation: the best factor for one eigenvalue lambda of the coupled map is 1 / (1 - lambda), 0.7 at -0.5 (the V3
-# kite at 12 m/s) and 0.15 at -6 (its design chord at 20 m/s); one in between serves both, and the tubes of the
+# First relaxation: the best factor for one eigenvalue lambda of the coupled map is 1 / (1 - lambda), 0.7 at -0.5 (the
+# V3 kite at 12 m/s) and 0.15 at -6 (its design chord at 20 m/s); one in between serves both, and the tubes of the
 # reference problems. Later updates do not depend on it where the map is linear.
 FIRST_RELAXATION = 0.35
 
