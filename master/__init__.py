@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
     from master.comparison import compare
-    from master.couple import couple
     from master.fixed_point import FixedPointResult, fixed_point
+    from master.foreign import couple
 
 __all__ = ["IQNILS", "IQNIMVJ", "Aitken", "ConstantRelaxation", "FixedPointResult", "compare", "couple", "fixed_point"]
 
 _MODULES = {
     "compare": "comparison",
-    "couple": "couple",
+    "couple": "foreign",
     "FixedPointResult": "fixed_point",
     "fixed_point": "fixed_point",
 }

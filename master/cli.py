@@ -1,4 +1,4 @@
-"""Command line: `kitecosim run|build|compare|scenes|couple`; the work is in commands.py and couple_command.py."""
+"""Command line: `kitecosim run|build|compare|scenes|couple`; what they do is in commands.py, comparison and foreign."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -209,7 +209,7 @@ def couple(
     (results up to there are still written), 2 bad input, 130 interrupted.
     """
     from master.checkpoint import Files
-    from master.couple_command import couple_file
+    from master.foreign.command import couple_file
 
     _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart)))
 

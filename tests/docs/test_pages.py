@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import scenes
-from master.document import Member
+from master.foreign.document import Member
+from master.foreign.settings import Settings
 from master.schemes import SCHEMES
-from master.settings import Settings
 from scenes.description import _KNOWN
 from tests.docs.pages import DOCS, blocks, checked, give_files
 

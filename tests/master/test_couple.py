@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from master import couple
 from master.cli import app
-from master.document import Document
+from master.foreign.document import Document
 from master.march import march
 
 START = np.array([1.0, 0.5])  # m
@@ -301,7 +301,7 @@ def test_an_fmu_that_does_not_load_leaves_no_results(foreign, tmp_path):
 
 
 def test_curves_for_the_plot_stay_few_however_long_a_run_is():
-    from master.report.couple import POINTS, Curve
+    from master.foreign.results import POINTS, Curve
 
     curve = Curve()
     for k in range(20 * POINTS):
@@ -313,7 +313,7 @@ def test_curves_for_the_plot_stay_few_however_long_a_run_is():
 
 def test_a_document_serves_a_script_that_marches_itself(foreign):
     from master.acceleration import IQNILS
-    from master.couple import opened
+    from master.foreign.run import opened
 
     with opened(Document.of(oscillator(), foreign)) as exchange:
         result = march(exchange, IQNILS(), 0.5, rtol=1e-11)

@@ -5,7 +5,7 @@ import pytest
 
 from master import couple
 from master.checkpoint import Files, read
-from master.document import Document
+from master.foreign.document import Document
 from tests.master.test_couple import braked, oscillator
 
 

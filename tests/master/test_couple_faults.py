@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 from master import couple
 from master.checkpoint import Files
 from master.cli import app
-from master.document import Document
+from master.foreign.document import Document
 from master.participants import FmuParticipant
 from tests.master.test_couple import FLUID, WALL, oscillator
 

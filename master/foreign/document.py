@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from master.convergence import Test
-from master.entries import Table, nearest, toml_content
 from master.exchange import Connection, Exchange
-from master.mapping import Described, Naming
+from master.foreign.entries import Table, nearest, toml_content
+from master.foreign.mapping import Described, Naming
+from master.foreign.settings import Settings, settings_in
 from master.march import require_rollback
 from master.schemes import scheme
-from master.settings import Settings, settings_in
 
 WALL_TIMES = ("total", "set_up", "master")  # beside the names of the participants
 

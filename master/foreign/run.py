@@ -11,10 +11,10 @@ import numpy as np
 
 from master import checkpoint
 from master.checkpoint import NO_FILES, Files
-from master.document import Document
 from master.exchange import CoupledStepFailed, Exchange
 from master.fixed_point import FixedPointResult, fixed_point
-from master.mapping import MappedParticipant
+from master.foreign.document import Document
+from master.foreign.mapping import MappedParticipant
 from master.march import STATUSES, March, MarchResult, Steps, march, without_rollback
 from master.recovery import Warmth
 from master.schemes import scheme
@@ -80,7 +80,7 @@ def couple(
     with contextlib.ExitStack() as stack:
         recorder = None
         if out is not None:
-            from master.report.couple import Recorder
+            from master.foreign.results import Recorder
 
             recorder = stack.enter_context(Recorder(Path(out), document))
         exchange = stack.enter_context(opened(document))

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from master.checkpoint import NO_FILES, Files
-from master.couple import Follower, couple
-from master.document import Document
+from master.foreign.document import Document
+from master.foreign.results import NO_PLOT, RESULTS, result_rows
+from master.foreign.run import Follower, couple
 from master.report.console import print_rows, print_written
-from master.report.couple import NO_PLOT, RESULTS, result_rows
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED
 
 SHOWN = 8  # sentences about steps, and inputs without a source, on the terminal

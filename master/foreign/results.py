@@ -10,14 +10,14 @@ from typing import IO, TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from master.document import Document
+from master.foreign.document import Document
 from master.march import Steps
 from master.report.tables import versions, write_json, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from master.couple import CoupleResult
+    from master.foreign.run import CoupleResult
 
 PLOTS = ("results.png", "results.svg")
 RESULTS = ("results.csv", "steps.csv", "summary.json", *PLOTS)  # all files that a run may write

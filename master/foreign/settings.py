@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, get_args
 
 from master.convergence import Tolerance
-from master.entries import Table
 from master.exchange import ORDERS, Interpolation, Order
+from master.foreign.entries import Table
 from master.predictor import PREDICTORS
 from master.schemes import SCHEMES, scheme
 

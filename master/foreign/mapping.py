@@ -13,7 +13,7 @@ import numpy as np
 from fmpy import platform, read_model_description
 
 from master.blocks import Blocks, described_limits, grid, grouped
-from master.entries import nearest
+from master.foreign.entries import nearest
 from master.participants import FmuParticipant
 
 
