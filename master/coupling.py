@@ -160,7 +160,10 @@ def _imbalance(coupling: Coupling, shown: np.ndarray, search: Search) -> tuple[f
         if reason:
             search.recoveries.append(Recovery(len(search.history), reason, "tried again"))
         try:
-            return coupling.imbalance(shown), ""
+            force = coupling.imbalance(shown)
+            if np.isfinite(force):
+                return force, ""
+            reason = "At the reported shape the out-of-balance force is not a finite number"
         except (CoupledStepFailed, ValueError, RuntimeError) as error:
             reason = f"At the reported shape {str(error).rstrip('.')}"
     return float("nan"), reason

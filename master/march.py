@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from master.acceleration import ConstantRelaxation, Scheme
+from master.acceleration import ConstantRelaxation, NewtonKrylov, Scheme
 from master.convergence import Tolerance
 from master.exchange import CoupledStepFailed, Exchange, Order
 from master.fixed_point import FixedPointResult, fixed_point
 from master.predictor import Predictor
-from master.recovery import Recovery
+from master.recovery import Recovery, Warmth
 
 STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled")
 GOOD = ("converged", "recovered")
@@ -212,7 +212,13 @@ def _implicit_step(
     """Status and result of one step, at most two attempts."""
 
     def attempt(x: np.ndarray) -> FixedPointResult:
-        return _solved(exchange, scheme, x, order, **settings)
+        if not isinstance(scheme, NewtonKrylov):  # evaluations begin at the states of the step by themselves
+            return _solved(exchange, scheme, x, order, **settings)
+        warmth = Warmth(exchange)  # whose derivatives have to be those at the best point
+        try:
+            return _solved(exchange, scheme, x, order, anchor=warmth, **settings)
+        finally:
+            warmth.close()
 
     found = attempt(now.predictor.at(exchange.end))
     events: list[Recovery] = list(found.recoveries)

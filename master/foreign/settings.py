@@ -14,6 +14,9 @@ MODES = ("transient", "steady")
 TRANSIENT_ONLY = {"time": ("stop",), "coupling": ("predictor", "strict", "interpolation")}
 
 
+MOST_STEPS = 1e12  # beyond it a step is rounding of the time
+
+
 @dataclass(frozen=True)
 class Settings:
     """How the participants are solved together: see `march` and `fixed_point`. Times in s."""
@@ -59,6 +62,8 @@ def settings_in(whole: Table) -> Settings:
     start = time.number("start", 0.0)
     step = time.number("step", 1.0 if mode == "steady" else None, positive=True)
     stop = start if mode == "steady" else time.number("stop")
+    if not (stop - start) / step < MOST_STEPS:
+        raise time.wrong(f"asks for more than {MOST_STEPS:g} steps; make step larger than {step:g}.")
     count = round((stop - start) / step)
     if mode == "transient" and (count < 1 or abs(start + count * step - stop) > 1e-6 * step):
         raise time.wrong(
