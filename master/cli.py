@@ -66,8 +66,8 @@ def run(
     Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input, 130
     interrupted (earlier results in the folder are gone then).
     """
-    from master.checkpoint import Files
     from master.commands import run_scene
+    from master.restart import Files
 
     choices = {
         "scheme": scheme,
@@ -208,8 +208,8 @@ def couple(
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
     (results up to there are still written), 2 bad input, 130 interrupted.
     """
-    from master.checkpoint import Files
     from master.foreign.command import couple_file
+    from master.restart import Files
 
     _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart)))
 

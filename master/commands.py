@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from master import checkpoint
+from master import restart
 from master.coupling import Coupling
 from master.exchange import ORDERS
 from master.participants import FmuParticipant
@@ -37,7 +37,7 @@ def run_scene(
     choices: dict[str, Any],
     assigned: dict[str, str],
     out: Path | None,
-    files: checkpoint.Files = checkpoint.NO_FILES,
+    files: restart.Files = restart.NO_FILES,
     live: bool = False,
 ) -> int:
     """Run a scene, print its table, write its files; the exit code."""
@@ -45,7 +45,7 @@ def run_scene(
     begin = time.perf_counter()
     built, kept = assigned, []
     if files.restart is not None:
-        built = checkpoint.remembered(files.restart, prepared(name, {})[0].name, choices["backend"], assigned)
+        built = restart.remembered(files.restart, prepared(name, {})[0].name, choices["backend"], assigned)
         kept = [f"{key} = {built[key]}" for key in built if key not in assigned and key != "trim_angle"]
     scene, given = prepared(name, built)
     out = out or Path("results") / scene.name
@@ -62,9 +62,9 @@ def run_scene(
         used = _scheme(choices, coupling)
         remarks: list[str] = []
         if files.restart is not None:
-            options["search"], remarks = checkpoint.restart(files.restart, coupling, used, about, assigned)
+            options["search"], remarks = restart.resumed(files.restart, coupling, used, about, assigned)
             remarks += [f"as in the checkpoint: {', '.join(kept)}"] if kept else []
-        keeper = checkpoint.Keeper(files.checkpoint, files.every, coupling, used, about)
+        keeper = restart.Keeper(files.checkpoint, files.every, coupling, used, about)
         run = coupled_run(coupling, used, choices["stability"], shown, hold=keeper, **options)
         if run.status in ("converged", "statically_unstable"):
             keeper.end(run.result)

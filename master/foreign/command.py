@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from master.checkpoint import NO_FILES, Files
 from master.foreign.document import Document
 from master.foreign.results import NO_PLOT, RESULTS, result_rows
 from master.foreign.run import Follower, couple
 from master.report.console import print_rows, print_written
+from master.restart import NO_FILES, Files
 from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED
 
 SHOWN = 8  # sentences about steps, and inputs without a source, on the terminal

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from master import checkpoint
-from master.checkpoint import NO_FILES, Files
 from master.exchange import CoupledStepFailed, Exchange
 from master.fixed_point import FixedPointResult, fixed_point
 from master.foreign.document import Document
 from master.foreign.mapping import MappedParticipant
 from master.march import STATUSES, March, MarchResult, Steps, march, without_rollback
 from master.recovery import Warmth
+from master.restart import NO_FILES, Files
 from master.schemes import scheme
 
 # Told after every communication step (steady: evaluation): its number, the time s, the residual norm, the blocks that

@@ -14,7 +14,7 @@ import pytest
 import master
 from benchmarks.problems import in_process
 from fmus.builder import archive
-from master import checkpoint, commands
+from master import checkpoint, commands, restart
 from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
 from master.coupling import solve
 from master.exchange import Connection, Exchange
@@ -181,7 +181,7 @@ def begun(name, path, at, method="iqn-ils", order="serial"):
     """A solve that is interrupted right after the checkpoint before coupling iteration `at` (counted from 0)."""
     coupling = in_process(CASES[name][0], **CASES[name][1])
     used = scheme(method, coupling, order)
-    keeper = checkpoint.Keeper(path, 1, coupling, used, about(name, coupling, scheme=method, order=order))
+    keeper = restart.Keeper(path, 1, coupling, used, about(name, coupling, scheme=method, order=order))
 
     def hold(search, warmth):
         keeper(search, warmth)
@@ -224,7 +224,7 @@ def test_a_coupled_solve_goes_on_bitwise_from_every_coupling_iteration(name, met
             begun(name, path, at, method, order)
         coupling = in_process(CASES[name][0], **CASES[name][1])
         fresh = scheme(method, coupling, order)
-        search, remarks = checkpoint.restart(
+        search, remarks = restart.resumed(
             path, coupling, fresh, about(name, coupling, scheme=method, order=order), {}
         )  # fmt: skip
         assert remarks == [f"went on from {path.name} after {at} coupling iterations"]
@@ -240,7 +240,7 @@ def test_a_restart_after_all_iterations_are_used_up_ends_as_that_and_not_in_an_e
         begun("kite", path, 5)
     coupling = in_process("v3_kite", **CASES["kite"][1])
     used = scheme("iqn-ils")
-    search, _ = checkpoint.restart(path, coupling, used, about("kite", coupling, max_iterations=3), {})
+    search, _ = restart.resumed(path, coupling, used, about("kite", coupling, max_iterations=3), {})
     result = solve(coupling, used, atol=1e-7, max_iterations=3, search=search)
     assert (result.status, result.iterations) == ("max_iterations", 6)
 
@@ -285,11 +285,11 @@ def test_a_restart_with_other_settings_says_what_changed_and_finds_what_a_fresh_
             begun("section", path, 2)
     else:
         result, coupling, used = begun("section", path, -1)
-        checkpoint.Keeper(path, 1, coupling, used, about("section", coupling)).end(result)
+        restart.Keeper(path, 1, coupling, used, about("section", coupling)).end(result)
     coupling = in_process("typical_section", **CASES["section"][1])
     now = about("section", coupling) | change
     used = scheme(now["scheme"])
-    search, (remark,) = checkpoint.restart(path, coupling, used, now, chosen)
+    search, (remark,) = restart.resumed(path, coupling, used, now, chosen)
     assert says in remark
     found = solve(coupling, used, atol=now["tolerance"], search=search)
     assert found.status == "converged"
@@ -335,11 +335,11 @@ def test_a_folder_a_missing_file_and_another_scene_are_refused_in_one_sentence(t
         begun("section", path, 1)
     coupling = in_process("v3_kite")
     with pytest.raises(ValueError, match=r"is of scene typical_section.*\.$"):
-        checkpoint.restart(path, coupling, IQNILS(), about("kite", coupling), {})
+        restart.resumed(path, coupling, IQNILS(), about("kite", coupling), {})
     coupling = in_process("typical_section")
     other = about("section", coupling, scene_settings={"variant": "restoring"})
     with pytest.raises(ValueError, match=r"has variant = .*, this run restoring.*\.$"):
-        checkpoint.restart(path, coupling, IQNILS(), other, {})
+        restart.resumed(path, coupling, IQNILS(), other, {})
 
 
 def test_a_state_that_cannot_be_written_is_refused_and_leaves_neither_file_nor_saved_state(tmp_path):
@@ -389,7 +389,7 @@ KILLED = """
 import os, sys
 from pathlib import Path
 from fmus.builder import archive
-from master import checkpoint, commands
+from master import checkpoint, commands, restart
 write_bytes = Path.write_bytes
 checkpoint.write(sys.argv[1], {"step": 1}, {"x": 1})
 def die(self, data):
@@ -425,7 +425,7 @@ import sys
 from pathlib import Path
 from benchmarks.problems import as_fmus
 from fmus.builder import archive
-from master import checkpoint, commands
+from master import checkpoint, commands, restart
 from master.coupling import solve
 from master.schemes import scheme
 
@@ -433,9 +433,9 @@ path, at = Path(sys.argv[1]), int(sys.argv[2])
 about = {"scene": "typical_section", "scene_settings": {}, "parameters": {}, "order": "serial"}
 with as_fmus("typical_section", wind_speed=15.0) as coupling:
     used, search = scheme("iqn-ils"), None
-    keeper = checkpoint.Keeper(path if at >= 0 else None, 1, coupling, used, about)
+    keeper = restart.Keeper(path if at >= 0 else None, 1, coupling, used, about)
     if at == -2:
-        search, _ = checkpoint.restart(path, coupling, used, about, {})
+        search, _ = restart.resumed(path, coupling, used, about, {})
 
     def hold(search, warmth):
         keeper(search, warmth)
@@ -487,13 +487,13 @@ CHOICES = {
 
 def test_the_command_goes_on_from_the_end_of_another_run_with_another_wind(tmp_path):
     path = tmp_path / "kept.checkpoint"
-    keep = checkpoint.Files(checkpoint=path)
+    keep = restart.Files(checkpoint=path)
     assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
     about_, _ = checkpoint.read(path)
     assert about_["status"] == "converged"
-    onward = checkpoint.Files(restart=path)
+    onward = restart.Files(restart=path)
     counts = {}
-    for name, files in (("warm", onward), ("cold", checkpoint.Files())):
+    for name, files in (("warm", onward), ("cold", restart.Files())):
         assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12.5"}, tmp_path / name, files) == 0
         content = json.loads((tmp_path / name / "summary.json").read_text())
         counts[name] = content["coupling_iterations"]
@@ -503,12 +503,12 @@ def test_the_command_goes_on_from_the_end_of_another_run_with_another_wind(tmp_p
 
 def test_the_command_refuses_other_settings_of_a_scene(tmp_path):
     path = tmp_path / "kept.checkpoint"
-    keep, onward = checkpoint.Files(checkpoint=path), checkpoint.Files(restart=path)
+    keep, onward = restart.Files(checkpoint=path), restart.Files(restart=path)
     assert commands.run_scene("typical_section", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
     with pytest.raises(ValueError, match=r"has variant = divergent, this run restoring.*\.$"):
         commands.run_scene("typical_section", CHOICES, {"variant": "restoring"}, tmp_path / "b", onward)
     with pytest.raises(ValueError, match=r"--checkpoint-every must be at least 1.*\.$"):
-        commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", checkpoint.Files(path, 0))
+        commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", restart.Files(path, 0))
 
 
 def test_every_scheme_can_be_pickled_with_its_history():

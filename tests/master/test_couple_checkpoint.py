@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from master import couple
-from master.checkpoint import Files, read
+from master.checkpoint import read
 from master.foreign.document import Document
+from master.restart import Files
 from tests.master.test_couple import braked, oscillator
 
 

@@ -4,10 +4,10 @@ import pytest
 from typer.testing import CliRunner
 
 from master import couple
-from master.checkpoint import Files
 from master.cli import app
 from master.foreign.document import Document
 from master.participants import FmuParticipant
+from master.restart import Files
 from tests.master.test_couple import FLUID, WALL, oscillator
 
 

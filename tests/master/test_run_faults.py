@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.problems import BACKENDS, in_process
-from master import checkpoint, commands
+from master import commands, restart
 from master.coupling import Coupling, solve
 from master.run import coupled_run, summary
 from master.schemes import scheme
@@ -193,7 +193,7 @@ def test_a_restart_that_begins_a_new_loop_frees_what_it_read(tmp_path):
 
     coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {}, "aero")
     used = scheme("iqn-ils")
-    keeper = checkpoint.Keeper(path, 1, coupling, used, about)
+    keeper = restart.Keeper(path, 1, coupling, used, about)
 
     def hold(search, warmth):
         keeper(search, warmth)
@@ -205,7 +205,7 @@ def test_a_restart_that_begins_a_new_loop_frees_what_it_read(tmp_path):
     assert alive(coupling) == (0, 0)
     for changed in ({}, {"tolerance": 1e-6}):
         again, used = wrapped(in_process("v3_kite", wind_speed=12.0), {}, "aero"), scheme("iqn-ils")
-        search, _ = checkpoint.restart(path, again, used, about | changed, {})
+        search, _ = restart.resumed(path, again, used, about | changed, {})
         assert solve(again, used, search=search).status == "converged"
         assert alive(again) == (0, 0)
 
@@ -259,10 +259,10 @@ def test_a_restart_in_the_other_order_begins_without_history(tmp_path):
     about = {"scene": "v3_kite", "scene_settings": {}, "parameters": {}, "order": "serial", "tolerance": 1e-5}
     for order, other in (("serial", "parallel"), ("parallel", "serial")):
         coupling, used = in_process("v3_kite", wind_speed=12.0), scheme("iqn-ils")
-        keeper = checkpoint.Keeper(path, 1, coupling, used, about | {"order": order})
+        keeper = restart.Keeper(path, 1, coupling, used, about | {"order": order})
         solve(coupling, used, order=order, hold=keeper)
         again, used = in_process("v3_kite", wind_speed=12.0), scheme("iqn-ils")
-        search, (remark,) = checkpoint.restart(path, again, used, about | {"order": other}, {})
+        search, (remark,) = restart.resumed(path, again, used, about | {"order": other}, {})
         assert f"order {order} -> {other}" in remark
         assert solve(again, used, order=other, search=search).status == "converged"
 
@@ -276,10 +276,10 @@ def test_a_fault_after_a_restart_is_overcome_from_the_same_best_point(tmp_path, 
     class Stop(Exception):
         pass
 
-    def run(stop=None, restart=False, faults=None):
+    def run(stop=None, again=False, faults=None):
         coupling, used = wrapped(in_process("v3_kite", wind_speed=12.0), faults, "aero"), scheme(name)
-        keeper = checkpoint.Keeper(path, 1, coupling, used, about)
-        search = checkpoint.restart(path, coupling, used, about, {})[0] if restart else None
+        keeper = restart.Keeper(path, 1, coupling, used, about)
+        search = restart.resumed(path, coupling, used, about, {})[0] if again else None
 
         def hold(search, warmth):
             keeper(search, warmth)
@@ -294,7 +294,7 @@ def test_a_fault_after_a_restart_is_overcome_from_the_same_best_point(tmp_path, 
     whole = run(faults={fault: "discard"})
     with pytest.raises(Stop):
         run(stop=at, faults={fault: "discard"})
-    rest = run(restart=True, faults={fault - at: "discard"} if at < fault else {})
+    rest = run(again=True, faults={fault - at: "discard"} if at < fault else {})
     assert rest.recoveries == whole.recoveries
     assert np.array_equal(rest.displacement, whole.displacement)
     assert rest.iterations == whole.iterations

@@ -1,0 +1,136 @@
+"""Runs of scenes that are kept and gone on with: what is written when, and what a restart may change."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from master import checkpoint
+from master.acceleration import Scheme
+from master.acceleration.scheme import adopt
+from master.coupling import CoupledResult, Coupling, Search
+from master.recovery import Warmth
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where a run keeps a checkpoint, after how many coupling iterations (through time: steps) each, and which one it
+    goes on from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
+    """
+
+    checkpoint: Path | None = None
+    every: int = 1
+    restart: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
+        if self.checkpoint is not None and self.checkpoint.is_dir():
+            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
+        if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
+            raise ValueError(
+                f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
+            )
+
+
+NO_FILES = Files()
+
+
+def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]) -> dict[str, str]:
+    """Settings and parameters with which to build the participants of a restart, as texts: those of the checkpoint,
+    and the `assigned` ones before them.
+
+    ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit.
+    """
+    about = checkpoint.head(path)
+    _require_same(path, about, scene=scene, backend=backend)
+    kept = {name: str(value) for name, value in about["scene_settings"].items()}
+    kept |= {name: _text(value) for name, value in about["parameters"].items()}
+    return {**kept, **assigned}
+
+
+def _require_same(path: Path, was: Mapping[str, Any], **now: str) -> None:
+    for key, mine in now.items():
+        if was.get(key) != mine:
+            remedy = f"name that {key}" if key == "scene" else f"add --{key} {was.get(key)}"
+            raise ValueError(f"checkpoint {path} is of {key} {was.get(key)}, this run of {mine}; {remedy}.")
+
+
+def _text(value: Any) -> str:
+    return ",".join(map(repr, value)) if isinstance(value, list) else repr(value)
+
+
+class Keeper:
+    """Writes the checkpoints of a coupled solve; without a path none."""
+
+    def __init__(
+        self, path: Path | None, every: int, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any]
+    ) -> None:
+        self._path, self._every, self._about = path, every, about
+        self._coupling, self._scheme = coupling, scheme
+
+    def __call__(self, search: Search, warmth: Warmth) -> None:
+        """Before a coupling iteration."""
+        if self._path is not None and len(search.history) % self._every == 0:
+            about = {**self._about, "coupling_iterations": len(search.history), "status": "under way"}
+            checkpoint.write(self._path, about, checkpoint.of_search(self._coupling, self._scheme, search, warmth))
+
+    def end(self, result: CoupledResult) -> None:
+        """After a solve that converged: another wind or tolerance may begin from here."""
+        if self._path is not None:
+            about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
+            ended = Search(self._about["order"], self._coupling.present(self._about["order"]), history=result.history)
+            checkpoint.write(self._path, about, checkpoint.of_search(self._coupling, self._scheme, ended, None))
+
+
+# What may change without ending the loop under way: it only says how long to go on and what to do afterwards.
+HARMLESS = ("max_iterations", "stability", "report")
+
+
+def resumed(
+    path: Path, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any], chosen: Mapping[str, Any]
+) -> tuple[Search, list[str]]:
+    """Where a coupled solve goes on from a checkpoint, and a remark on what is different now.
+
+    With the settings as they were the loop goes on bitwise as if it had not stopped. With others (scheme, tolerances,
+    tunable parameters among the `chosen`) a new loop begins at the shape and with the solvers' states of the
+    checkpoint, and with its quasi-Newton history where the scheme is of the same kind. ValueError in one sentence for
+    a checkpoint of another scene, with other settings of it or of the other backend, and for a fixed parameter that
+    shall change.
+    """
+    was, content = checkpoint.read(path)
+    _require_same(path, was, scene=about["scene"])
+    now = json.loads(json.dumps(dict(about), default=str))
+    for name, value in now["scene_settings"].items():
+        if was["scene_settings"].get(name) != value:
+            raise ValueError(
+                f"checkpoint {path} has {name} = {was['scene_settings'].get(name)}, this run {value}; a setting of the "
+                "scene cannot change in a restart."
+            )
+    given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
+    for name in given:
+        if name in coupling.fixed():
+            raise ValueError(f"{name} is fixed once a run has begun; leave it out in a restart.")
+    try:
+        search = checkpoint.search_of(coupling, content)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
+    changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
+    remark = f"went on from {path.name} after {was['coupling_iterations']} coupling iterations"
+    if not changed and not given and search.loop is not None:
+        return search, [remark]
+    if search.best is not None:
+        coupling.freed(search.best[0])
+    for name in given:
+        for participant in (coupling.structural, coupling.aero):
+            if participant.causality.get(name) == "parameter":
+                participant.set(name, now["parameters"][name])
+    for key in changed:
+        remark += f", {key} {was.get(key)} -> {now[key]}"
+    for name in given:
+        remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
+    remark += "; coupling iterations are counted anew"
+    remark += "" if adopted else ", without the history of another scheme"
+    return Search(about["order"], coupling.present(about["order"])), [remark]
