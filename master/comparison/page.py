@@ -1,8 +1,6 @@
 """The page compare.html: tables, plots and every setting of a comparison in one file that needs no other."""
 
-import base64
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
 from master.comparison.tables import (
@@ -17,27 +15,22 @@ from master.comparison.tables import (
     shown,
     texts,
 )
+from master.report.html import html
 from master.report.page import cell
 
-MORE = """ul.status { padding-left: 1.8rem; } h3 { font-size: 1rem; margin: 1rem 0 .3rem; } td.bad { color: #b2182b; }
-details { margin: .3rem 0; } summary { cursor: pointer; font-weight: bold; }
-"""
 OPTIONS = ("backend", "tolerance", "force_tolerance", "max_iterations", "repeat")
 
 
 def page(rows: Sequence[dict[str, Any]], figures: Mapping[str, tuple[str, bytes]]) -> str:
     """The HTML text; `figures` maps names to captions and SVG files."""
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup
-
-    template = files("master.comparison").joinpath("compare.html").read_text(encoding="utf-8")
     groups = cases(rows)
     keys = shown(rows)
     head, body = matrix(rows)
     header, *lines = zip(head, *body, strict=True)  # a row a scheme here, since schemes may be many
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(template).render(
-        look=Markup(_look()),
+    return html(
+        "master.comparison",
+        "compare.html",
+        figures,
         findings=[f"{case}: {finding(members)}" for case, members in groups.items()],
         overview_header=["scheme", *header[1:]],
         overview=[
@@ -48,18 +41,8 @@ def page(rows: Sequence[dict[str, Any]], figures: Mapping[str, tuple[str, bytes]
         tables={case: [_row(row, keys) for row in members] for case, members in groups.items()},
         legend=[(HEADER[key], LEGEND[HEADER[key]]) for key in keys if HEADER[key] in LEGEND],
         failed=[(f"{row['case']}, {row['label']}", row["message"]) for row in rows if row["status"] != "converged"],
-        figures=[
-            {"name": name, "caption": caption, "data": base64.b64encode(svg).decode("ascii")}
-            for name, (caption, svg) in figures.items()
-        ],
         settings=_settings(rows),
     )
-
-
-def _look() -> str:
-    """The style sheet of report.html, and what it has no use for."""
-    report = files("master.report").joinpath("page.html").read_text(encoding="utf-8")
-    return report.partition("<style>\n")[2].partition("</style>")[0] + MORE
 
 
 def finding(members: Sequence[dict[str, Any]]) -> str:

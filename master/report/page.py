@@ -1,12 +1,11 @@
 """The page report.html: everything that a run found and was given, in one file that needs no other."""
 
-import base64
 from collections.abc import Iterable
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.html import html
 from master.report.state import FinalState, Frame, status_text
 from master.report.tables import result_rows
 from master.report.wing import TubeState
@@ -46,14 +45,7 @@ def page(
     scene: Any, run: "Run", content: dict[str, Any], state: FinalState, figures: dict[str, tuple[str, bytes]]
 ) -> str:
     """The HTML text. `content` is what summary.json holds; `figures` maps names to captions and SVG files."""
-    from jinja2 import Environment, StrictUndefined
-
-    template = files("master.report").joinpath("page.html").read_text(encoding="utf-8")
     variables = {f"{label}.{v.name}": v for label, core in scene.cores().items() for v in core.variables}
-    images = [
-        {"name": name, "caption": caption, "data": base64.b64encode(svg).decode("ascii")}
-        for name, (caption, svg) in figures.items()
-    ]
     tables = [
         _outputs(content, variables),
         *_structure(state.frame),
@@ -63,8 +55,10 @@ def page(
         _parameters(run, content, variables),
         _table("Versions", ["package", "version"], content.get("versions", {}).items()),
     ]
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(template).render(
+    return html(
+        "master.report",
+        "page.html",
+        figures,
         title=scene.content["title"],
         description=scene.content.get("description", ""),
         good=run.status == "converged",
@@ -72,7 +66,6 @@ def page(
         message=run.message,
         remarks=run.remarks,
         result=result_rows(scene, run, content),
-        figures=images,
         tables=[table for table in tables if table["rows"]],
     )
 
