@@ -148,3 +148,14 @@ class Channel:
         references = (c_uint * len(scalars))(*(scalar.valueReference for scalar in scalars))
         pointer = ctypes.cast(self.values.ctypes.data, ctypes.POINTER(number))
         self.arguments = component, ctypes.cast(references, ctypes.POINTER(c_uint)), len(scalars), pointer
+
+
+def assignment_text(value: Any) -> str:
+    """A value as `--set NAME=VALUE` takes it, to the last bit: vectors as 1,0,0, switches in words."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if np.ndim(value):
+        return ",".join(map(assignment_text, value))
+    return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))

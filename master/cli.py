@@ -16,6 +16,11 @@ app = typer.Typer(
 SceneArgument = Annotated[
     str, typer.Argument(help="Name of a built-in scene (see `kitecosim scenes`) or a scene folder.")
 ]
+ToleranceOption = Annotated[float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")]
+ForceToleranceOption = Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")]
+CheckpointOption = Annotated[
+    Path | None, typer.Option(help="File that keeps where the run stands, so that it can go on after an end.")
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -41,16 +46,12 @@ def run(
     relaxation: Annotated[
         float | None, typer.Option(help="Factor of relaxation; first factor of aitken and the quasi-Newton schemes.")
     ] = None,
-    tolerance: Annotated[
-        float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
-    ] = 1e-5,
-    force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
+    tolerance: ToleranceOption = 1e-5,
+    force_tolerance: ForceToleranceOption = 0.01,
     max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
     stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
     report: Annotated[bool, typer.Option(help="Write plots, VTK files and an HTML page too.")] = True,
-    checkpoint: Annotated[
-        Path | None, typer.Option(help="File that keeps where the run stands, so that it can go on after an end.")
-    ] = None,
+    checkpoint: CheckpointOption = None,
     checkpoint_every: Annotated[int, typer.Option(help="Coupling iterations from checkpoint to checkpoint.")] = 1,
     restart: Annotated[
         Path | None,
@@ -136,10 +137,8 @@ def compare(
     backend: Annotated[
         str, typer.Option(help="in-process: the solvers without FMUs; fmu: build and load the FMUs of every cell.")
     ] = "in-process",
-    tolerance: Annotated[
-        float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")
-    ] = 1e-5,
-    force_tolerance: Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")] = 0.01,
+    tolerance: ToleranceOption = 1e-5,
+    force_tolerance: ForceToleranceOption = 0.01,
     max_iterations: Annotated[int, typer.Option(help="Most coupling iterations of a cell.")] = 200,
     repeat: Annotated[int, typer.Option(help="Solve each cell so often; wall times are those of the median.")] = 1,
     jobs: Annotated[
@@ -194,9 +193,7 @@ def couple(
     file: Annotated[Path, typer.Argument(help="TOML file: time, scheme, participants, connections (docs/couple.md).")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/NAME of FILE.")] = None,
     report: Annotated[bool, typer.Option(help="Write plots too.")] = True,
-    checkpoint: Annotated[
-        Path | None, typer.Option(help="File that keeps where the run stands, so that it can go on after an end.")
-    ] = None,
+    checkpoint: CheckpointOption = None,
     checkpoint_every: Annotated[int, typer.Option(help="Communication steps from checkpoint to checkpoint.")] = 10,
     restart: Annotated[
         Path | None,

@@ -9,6 +9,7 @@ from typing import Any
 from master import checkpoint
 from master.acceleration import Scheme
 from master.acceleration.scheme import adopt
+from master.blocks import assignment_text
 from master.coupling import CoupledResult, Coupling, Search
 from master.recovery import Warmth
 
@@ -46,7 +47,7 @@ def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]
     about = checkpoint.head(path)
     _require_same(path, about, scene=scene, backend=backend)
     kept = {name: str(value) for name, value in about["scene_settings"].items()}
-    kept |= {name: _text(value) for name, value in about["parameters"].items()}
+    kept |= {name: assignment_text(value) for name, value in about["parameters"].items()}
     return {**kept, **assigned}
 
 
@@ -55,10 +56,6 @@ def _require_same(path: Path, was: Mapping[str, Any], **now: str) -> None:
         if was.get(key) != mine:
             remedy = f"name that {key}" if key == "scene" else f"add --{key} {was.get(key)}"
             raise ValueError(f"checkpoint {path} is of {key} {was.get(key)}, this run of {mine}; {remedy}.")
-
-
-def _text(value: Any) -> str:
-    return ",".join(map(repr, value)) if isinstance(value, list) else repr(value)
 
 
 class Keeper:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from master.blocks import assignment_text
 from master.commands import results_folder
 from master.comparison.flat import flat_rows
 from master.comparison.grid import grid
@@ -69,11 +70,13 @@ def compare(
     if jobs is not None and jobs < 0:
         raise ValueError(f"--jobs must be at least 1, or 0 for no worker processes, not {jobs}.")
     listed = {k: list(v) if isinstance(v, list | tuple | np.ndarray) else [v] for k, v in (parameters or {}).items()}
-    swept = {k: [_text(v) for v in values] for k, values in (sweep or {}).items()}
+    swept = {k: [assignment_text(v) for v in values] for k, values in (sweep or {}).items()}
     if empty := next((k for k, values in [*listed.items(), *swept.items()] if not len(values)), None):
         raise ValueError(f"{empty} has no values; give at least one.")
     ordered = [orders] if isinstance(orders, str) else list(orders)
-    cells = grid(paths, names, listed, {k: _text(v) for k, v in (settings or {}).items()}, swept, ordered, options)
+    cells = grid(
+        paths, names, listed, {k: assignment_text(v) for k, v in (settings or {}).items()}, swept, ordered, options
+    )
     store = None
     if out is not None:
         results_folder(Path(out))
@@ -95,14 +98,3 @@ def compare(
 
         write_comparison(Path(out), table)
     return table
-
-
-def _text(value: Any) -> str:
-    """A value as the command line takes it: vectors as 1,0,0."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
-    if np.ndim(value):
-        return ",".join(map(_text, value))
-    return repr(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
