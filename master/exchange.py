@@ -237,7 +237,7 @@ class Exchange:
         """What messages call a participant."""
         return f"participant {name}"
 
-    # States: of the beginning of a communication step (`open`, `rewind`, `close_step`), or of the best point (Anchor)
+    # States: of the beginning of a communication step (`open`, `rewind`, `accept`), or all (`saved`)
 
     def saving(self) -> set[str]:
         """The participants that can save their state."""

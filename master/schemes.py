@@ -61,8 +61,8 @@ def scheme(name: str, exchange: Exchange | None = None, order: Order = "serial",
     """A fresh scheme object by name, with `parameters` in place of the defaults of its kind.
 
     Newton-Krylov takes its products from `exchange`; in `order` "parallel" quasi-Newton schemes begin with an explicit
-    update unless told otherwise. ValueError in one sentence for a name that does not exist, a
-    parameter that the kind does not have, a value that it refuses, and participants without directional derivatives.
+    update unless told otherwise. ValueError in one sentence for a name that does not exist, a parameter that the kind
+    does not have, a value that it refuses, and participants without directional derivatives.
     """
     kind = SCHEMES.get(name)
     if kind is None:
