@@ -27,6 +27,7 @@ from fmus.description import add_variables, describe_model
 from fmus.sharing import share_modules
 from scenes.variables import StepFailed, Variable
 
+INNER = "pythonfmu.so"  # in the folder of the binary, where one of this project stands before that of PythonFMU
 SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
 
 
@@ -45,10 +46,13 @@ class Core(Protocol):
 def _end_cleanly(resources: Path) -> None:
     """Let go of the interpreter as the first thing when the process exits.
 
-    Left to itself, the FMU's binary does it while it is unloaded, twice, the second time on freed memory and, where it
-    owns the interpreter, after the libraries of numpy and scipy have ended: the process may abort or hang at exit,
-    after correct results. Its own function, called before all that, leaves nothing to do for the two.
+    Left to itself, PythonFMU's binary does it while it is unloaded, twice, the second time on freed memory and, where
+    it owns the interpreter, after the libraries of numpy and scipy have ended: the process may abort or hang at exit,
+    after correct results. Its own function, called before all that, leaves nothing to do for the two. Where a binary of
+    this project stands before it, that one does this (fmus/front).
     """
+    if any((resources.parent / "binaries").glob(f"*/{INNER}")):
+        return
     for path in (resources.parent / "binaries").glob("*/*.so"):
         with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise
             library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)  # and thereby never unmapped

@@ -6,7 +6,10 @@ import importlib.util
 import io
 import json
 import os
+import platform
 import re
+import sys
+import sysconfig
 import uuid
 import zipfile
 from collections.abc import Mapping
@@ -18,7 +21,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pythonfmu
 
-from fmus.adapter import SCENE_FILE, CoreFmu
+from fmus.adapter import INNER, SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.description import PROJECT
 from fmus.documentation import page
@@ -96,8 +99,7 @@ def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes], scene:
     files |= {f"resources/{path}": content for path, content in _package_sources().items()}
     files[f"resources/{script.name}"] = script.read_bytes()
     files["resources/slavemodule.txt"] = script.stem.encode()
-    for binary in (_pythonfmu() / BINARIES).glob("*/*"):
-        files[f"binaries/{binary.parent.name}/{identifier}{binary.suffix}"] = binary.read_bytes()
+    files |= {f"binaries/{path}": content for path, content in _binaries(identifier).items()}
     files["documentation/index.html"] = page(instance, scene).encode()
     files |= {f"documentation/licenses/{name}": text for name, text in _licences().items()}
     instance.modelName, instance.guid = identifier, ""
@@ -114,6 +116,23 @@ def _pythonfmu() -> Path:
         if (place / BINARIES).is_dir():
             return place
     raise ValueError("The binaries of PythonFMU are not found; install pythonfmu to build FMUs.")
+
+
+def _binaries(identifier: str) -> dict[str, bytes]:
+    """Path -> content of what a host loads; on Linux that of this project, where it was compiled with the project."""
+    found = {}
+    for binary in (_pythonfmu() / BINARIES).glob("*/*"):
+        found[f"{binary.parent.name}/{identifier}{binary.suffix}"] = binary.read_bytes()
+    shown = f"linux64/{identifier}.so"
+    if shown in found and (front := front_binary()):
+        found[f"linux64/{INNER}"], found[shown] = found[shown], front.read_bytes()
+    return found
+
+
+def front_binary() -> Path | None:
+    """The library that stands before PythonFMU's (fmus/front); None where it was not compiled."""
+    path = Path(__file__).with_name(f"_front{sysconfig.get_config_var('EXT_SUFFIX')}")
+    return path if sys.platform == "linux" and platform.machine() == "x86_64" and path.is_file() else None
 
 
 def _package_sources() -> dict[str, bytes]:
