@@ -1,19 +1,19 @@
 """A solver core as an FMI 2.0 co-simulation slave: its blocks become scalars over one buffer.
 
-The value reference of a scalar is its place in the buffer, whatever its type, so that a block is one slice. Setting
-writes the buffer only; a step hands the blocks that changed to the core, solves, and fetches the outputs.
+A value is checked where it is set: one that is refused is logged, the old one stays. A step hands the blocks that
+changed to the core, solves, and fetches the outputs.
 
 PythonFMU answers an exception with fmi2Fatal and a double free in the host. Nothing may leave the methods it calls:
-they log one sentence instead, and the step that follows is discarded (it is the only call that can report a failure).
+they log one sentence instead, and the step that follows is discarded: where PythonFMU's binary is what the host sees,
+it is the only call that can report a failure.
 """
 
 import contextlib
-import ctypes
+import hashlib
 import json
 import math
-import os
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 from xml.etree.ElementTree import Element
@@ -23,12 +23,16 @@ from pythonfmu import DefaultExperiment, Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 import scenes
+from fmus.buffer import Buffer
 from fmus.description import add_variables, describe_model
-from fmus.sharing import share_modules
+from fmus.sharing import end_cleanly, share_modules
 from scenes.variables import StepFailed, Variable
 
-INNER = "pythonfmu.so"  # in the folder of the binary, where one of this project stands before that of PythonFMU
 SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
+STATE = b"kitecosim state 1\n"  # what a serialised state begins with; its SHA-256 and a pickle follow
+
+# The states of FMI 2.0 (section 4.2.4), and what each call is allowed in.
+INSTANTIATED, INITIALISING, STEPPING, TERMINATED = "instantiated", "initialising", "stepping", "terminated"
 
 
 class Core(Protocol):
@@ -41,23 +45,6 @@ class Core(Protocol):
     def get(self, block: str) -> np.ndarray: ...
     def save(self) -> object: ...
     def restore(self, state: Any) -> None: ...
-
-
-def _end_cleanly(resources: Path) -> None:
-    """Let go of the interpreter as the first thing when the process exits.
-
-    Left to itself, PythonFMU's binary does it while it is unloaded, twice, the second time on freed memory and, where
-    it owns the interpreter, after the libraries of numpy and scipy have ended: the process may abort or hang at exit,
-    after correct results. Its own function, called before all that, leaves nothing to do for the two. Where a binary of
-    this project stands before it, that one does this (fmus/front).
-    """
-    if any((resources.parent / "binaries").glob(f"*/{INNER}")):
-        return
-    for path in (resources.parent / "binaries").glob("*/*.so"):
-        with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise
-            library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)  # and thereby never unmapped
-            last = ctypes.cast(library.finalizePythonInterpreter, ctypes.c_void_p)
-            getattr(ctypes.CDLL(None), "__cxa_atexit")(last, None, None)
 
 
 class CoreFmu(Fmi2Slave):
@@ -76,25 +63,21 @@ class CoreFmu(Fmi2Slave):
         if self.resources is not None:
             share_modules(Path(self.resources))
         self._core = self._resource_core(Path(self.resources)) if core is None else core
-        self.blocks: dict[str, tuple[Variable, slice]] = {}
-        size = 0
-        for variable in self._core.variables:
-            self.blocks[variable.name] = variable, slice(size, size + variable.size)
-            size += variable.size
+        self._buffer = Buffer(self._core.variables)
+        self.blocks = self._buffer.blocks
         self._layout = tuple((variable.name, variable.shape) for variable in self._core.variables)
-        self._buffer = np.zeros(size)
-        self._block_of = np.repeat(np.array(list(self.blocks)), [v.size for v, _ in self.blocks.values()])
-        self._spans: dict[tuple[int, int], tuple[list[int], slice | np.ndarray, frozenset[str]]] = {}
         self._outputs = [name for name, (variable, _) in self.blocks.items() if variable.causality == "output"]
         self._locked = set(self._outputs)
+        # What the core judges as soon as it is set. A vector may be half set then; inputs are judged by their bounds.
+        self._judged = {name for name, (v, _) in self.blocks.items() if v.causality == "parameter" and v.size == 1}
         self._dirty: set[str] = set()
-        self._initialising = False
-        self._refused: str | None = None  # a set that failed since the last step
+        self._mode = INSTANTIATED
+        self._refused: str | None = None  # a call that failed since the last step
         self._lost: str | None = None  # a state that could not be restored
         self._time = 0.0
         self._fetch(self.blocks)
         if self.resources is not None:
-            _end_cleanly(Path(self.resources))
+            end_cleanly(Path(self.resources))
 
     @staticmethod
     def scene_core(scene: scenes.Scene) -> Core:
@@ -110,33 +93,30 @@ class CoreFmu(Fmi2Slave):
 
     # Between buffer and core
 
-    def _push(self) -> None:
-        """Hand the changed blocks to the core; one that it refuses stays changed, and the core keeps its old value.
+    def _push(self, names: Container[str]) -> None:
+        """Hand those of the blocks that have changed to the core; the first that it refuses raises ValueError, and has
+        its old value again.
 
         Parameters go first, as a core may derive start values of inputs from them.
         """
-        changed = [name for name in self.blocks if name in self._dirty]
+        changed = [name for name in self.blocks if name in self._dirty and name in names]
+        failed: ValueError | None = None
         for name in sorted(changed, key=lambda name: self.blocks[name][0].causality == "input"):
-            variable, where = self.blocks[name]
-            self._core.set(name, self._buffer[where].reshape(variable.shape))
             self._dirty.discard(name)
+            try:
+                self._core.set(name, self._buffer.block(name))
+            except ValueError as error:
+                self._fetch([name])
+                failed = failed or error
+        if failed is not None:
+            raise failed
 
-    def _fetch(self, names: Any) -> None:
-        for name in names:
-            self._buffer[self.blocks[name][1]] = np.asarray(self._core.get(name), dtype=float).reshape(-1)
+    def _fetch(self, names: Iterable[str]) -> None:
+        self._buffer.fill(names, self._core.get)
 
-    def _span(self, vrs: list[int]) -> tuple[slice | np.ndarray, frozenset[str]]:
-        """Where in the buffer value references are, and the blocks they touch; remembered, as importers repeat them."""
-        key = vrs[0], len(vrs)
-        known = self._spans.get(key)
-        if known is None or known[0] != vrs:
-            places = np.array(vrs)
-            if places.min() < 0 or places.max() >= self._buffer.size:
-                raise ValueError(f"Value references go from 0 to {self._buffer.size - 1}.")
-            one_slice = bool((np.diff(places) == 1).all())
-            where = slice(vrs[0], vrs[0] + len(vrs)) if one_slice else places
-            known = self._spans[key] = list(vrs), where, frozenset(self._block_of[places].tolist())
-        return known[1], known[2]
+    def _require(self, call: str, *modes: str) -> None:
+        if self._mode not in modes:
+            raise ValueError(f"{call} is not allowed now: the FMU is {self._mode}, not {' or '.join(modes)}.")
 
     def _say(self, error: BaseException | str, status: Fmi2Status) -> str:
         """Log one sentence; FMI takes it as a printf format, so that per cent signs are doubled."""
@@ -147,47 +127,54 @@ class CoreFmu(Fmi2Slave):
 
     # Variables
 
-    def _put(self, vrs: list[int], values: Sequence[float]) -> None:
+    def _put(self, vrs: list[int], values: Sequence[float], kind: str) -> None:
         try:
-            if vrs:
-                where, names = self._span(vrs)
-                if not self._locked.isdisjoint(names):
-                    name = min(self._locked.intersection(names))
-                    why = "an output" if name in self._outputs else "a fixed parameter, set before initialisation"
-                    raise ValueError(f"{name} cannot be set: it is {why}.")
-                self._buffer[where] = values
-                self._dirty |= names
+            self._require("Setting a variable", INSTANTIATED, INITIALISING, STEPPING)
+            if not vrs:
+                return
+            where, names = self._buffer.span(vrs, kind)
+            if not self._locked.isdisjoint(names):
+                name = min(self._locked.intersection(names))
+                why = "an output" if name in self._outputs else "a fixed parameter, set before initialisation"
+                raise ValueError(f"{name} cannot be set: it is {why}.")
+            if self._buffer.put(where, values) or self._mode != STEPPING:
+                self._dirty.update(names)
+                self._push(self._judged.intersection(names))
         except BaseException as error:
             self._refused = self._say(error, Fmi2Status.error)
 
-    def _values(self, vrs: list[int], kind: Callable[[float], Any], bad: Any) -> list[Any]:
+    def _values(self, vrs: list[int], kind: str, convert: Callable[[float], Any], bad: Any) -> list[Any]:
         if not vrs:
             return []
-        if self._initialising and self._dirty:
+        if self._mode == INITIALISING and self._dirty:
             self._settle()
         try:
-            values: list[Any] = self._buffer[self._span(vrs)[0]].tolist()
-            return values if kind is float else [kind(value) for value in values]
+            values: list[Any] = self._buffer.values[self._buffer.span(vrs, kind)[0]].tolist()
+            return values if kind == "real" else [convert(value) for value in values]
         except BaseException as error:
             self._say(error, Fmi2Status.error)
             return [bad] * len(vrs)
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
-        self._put(vrs, values)
+        self._put(vrs, values, "real")
 
-    set_integer = set_boolean = set_real
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        self._put(vrs, values, "integer")
+
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        self._put(vrs, values, "boolean")
 
     def set_string(self, vrs: list[int], values: list[str]) -> None:
         self._refused = self._say("There are no String variables.", Fmi2Status.error)
 
     def get_real(self, vrs: list[int]) -> list[float]:
-        return self._values(vrs, float, math.nan)
+        return self._values(vrs, "real", float, math.nan)
 
     def get_integer(self, vrs: list[int]) -> list[int]:
-        return self._values(vrs, round, 0)
+        return self._values(vrs, "integer", round, 0)
 
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        return self._values(vrs, bool, False)
+        return self._values(vrs, "boolean", bool, False)
 
     def get_string(self, vrs: list[int]) -> list[str]:
         self._say("There are no String variables.", Fmi2Status.error)
@@ -197,36 +184,52 @@ class CoreFmu(Fmi2Slave):
 
     def _settle(self) -> None:
         """Outputs, and inputs that were not set, that reflect the start values set so far."""
+        for reflect in (self._push, self._fetch):
+            try:
+                reflect(self.blocks)
+            except BaseException as error:
+                self._refused = self._say(error, Fmi2Status.error)
+
+    def _enter(self, call: str, before: tuple[str, ...], after: str) -> bool:
+        """Go over to another mode, where that is allowed."""
         try:
-            self._push()
-            self._fetch(self.blocks)
-        except BaseException as error:
-            self._say(error, Fmi2Status.error)
+            self._require(call, *before)
+        except ValueError as error:
+            self._refused = self._say(error, Fmi2Status.error)
+            return False
+        self._mode = after
+        return True
 
     def setup_experiment(self, start_time: float = 0.0, *_: Any) -> None:
-        self._time = start_time
+        if self._enter("Setting up the experiment", (INSTANTIATED,), INSTANTIATED):
+            self._time = start_time
 
     def enter_initialization_mode(self) -> None:
-        self._initialising = True
-        self._settle()
+        if self._enter("Entering the initialisation", (INSTANTIATED,), INITIALISING):
+            self._settle()
 
     def exit_initialization_mode(self) -> None:
-        self._settle()
-        self._initialising = False
-        self._locked |= {name for name, (v, _) in self.blocks.items() if v.variability == "fixed"}
+        if self._enter("Leaving the initialisation", (INITIALISING,), STEPPING):
+            self._settle()
+            self._locked |= {name for name, (v, _) in self.blocks.items() if v.variability == "fixed"}
 
     def terminate(self) -> None:
+        self._enter("Terminating", (INITIALISING, STEPPING), TERMINATED)
         with contextlib.suppress(BaseException):
-            _end_cleanly(Path(self.resources))  # again, to come before libraries that were loaded since
+            end_cleanly(Path(self.resources))  # again, to come before libraries that were loaded since
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """One step of the core with the present inputs; False (fmi2Discard) with a logged sentence if it fails."""
         try:
+            self._require("A step", STEPPING)
+            if not (math.isfinite(current_time) and 0.0 < step_size < math.inf):
+                raise ValueError(f"A step from {current_time:g} s by {step_size:g} s is none: it goes forward in time.")
             refused, self._refused = self._lost or self._refused, None
             if refused:
                 raise StepFailed(refused)
-            self._push()
-            self._core.step(current_time, step_size)
+            self._push(self.blocks)
+            with np.errstate(all="ignore"):  # of a solver that fails; it says so itself
+                self._core.step(current_time, step_size)
             self._fetch(self._outputs)
             self._time = current_time + step_size
             return True
@@ -238,8 +241,9 @@ class CoreFmu(Fmi2Slave):
 
     def _get_fmu_state(self) -> Any:
         try:
-            mode = self._initialising, frozenset(self._locked), self._refused
-            return self._layout, self._core.save(), self._buffer.copy(), frozenset(self._dirty), self._time, mode
+            mode = self._mode, frozenset(self._locked), self._refused
+            values = self._buffer.values.copy()
+            return self._layout, self._core.save(), values, frozenset(self._dirty), self._time, mode
         except BaseException as error:
             return self._say(error, Fmi2Status.error)  # as is every failure below, reported by the step after a restore
 
@@ -247,12 +251,12 @@ class CoreFmu(Fmi2Slave):
         try:
             if isinstance(state, str):
                 raise ValueError(state)
-            layout, saved, buffer, dirty, time, mode = state
+            layout, saved, values, dirty, time, mode = state
             if layout != self._layout:
                 raise ValueError("The state belongs to an FMU with other variables.")
             self._core.restore(saved)
-            self._buffer[:], self._dirty, self._time = buffer, set(dirty), time
-            self._initialising, locked, self._refused = mode
+            self._buffer.values[:], self._dirty, self._time = values, set(dirty), time
+            self._mode, locked, self._refused = mode
             self._locked, self._lost = set(locked), None
         except BaseException as error:
             self._lost = self._say(error, Fmi2Status.error)
@@ -260,14 +264,19 @@ class CoreFmu(Fmi2Slave):
     @staticmethod
     def _fmu_state_to_bytes(state: Any) -> bytes:
         try:
-            return pickle.dumps(state, protocol=5)
+            content = pickle.dumps(state, protocol=5)
         except BaseException as error:
-            return pickle.dumps(f"The state cannot be serialised: {error}")
+            content = pickle.dumps(f"The state cannot be serialised: {error}")
+        return STATE + hashlib.sha256(content).digest() + content
 
     @staticmethod
     def _fmu_state_from_bytes(state: bytes) -> Any:
+        """A state, or the sentence that says why it is none, which is logged when it is restored."""
         try:
-            return pickle.loads(state)
+            digest, content = state[len(STATE) : len(STATE) + 32], state[len(STATE) + 32 :]
+            if not state.startswith(STATE) or hashlib.sha256(content).digest() != digest:
+                return "The bytes are not a serialised state of this FMU, or were changed."
+            return pickle.loads(content)
         except BaseException as error:
             return f"The serialised state cannot be read: {error}"
 
@@ -276,6 +285,5 @@ class CoreFmu(Fmi2Slave):
         options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True} | dict(model_options or {})
         root: Element = super().to_xml(options)
         describe_model(root)
-        start = {name: self._buffer[where].tolist() for name, (_, where) in self.blocks.items()}
-        add_variables(root, self._core.variables, start, self.at_start)
+        add_variables(root, self._core.variables, self._buffer.start(), self.at_start)
         return root

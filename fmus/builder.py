@@ -21,11 +21,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pythonfmu
 
-from fmus.adapter import INNER, SCENE_FILE, CoreFmu
+from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.description import PROJECT
 from fmus.documentation import page
-from fmus.sharing import PACKAGES
+from fmus.sharing import INNER, PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 

@@ -1,12 +1,16 @@
-"""The packages that every FMU carries, and how the FMUs of one process share them."""
+"""What the FMUs of one process share: the packages that every FMU carries, and the interpreter."""
 
+import contextlib
+import ctypes
 import importlib
+import os
 import sys
 from pathlib import Path
 
 import scenes
 
 PACKAGES = ("structural", "aero", "scenes", "fmus")  # what an FMU carries
+INNER = "pythonfmu.so"  # PythonFMU's binary, in an FMU where one of this project stands before it (fmus/front)
 
 
 def share_modules(resources: Path) -> None:
@@ -27,3 +31,20 @@ def share_modules(resources: Path) -> None:
         installed = next((spec.submodule_search_locations or [] for spec in found if spec), [])
         places = dict.fromkeys([*package.__path__, str(resources / name), *installed])
         package.__path__ = [place for place in places if Path(place).is_dir()]
+
+
+def end_cleanly(resources: Path) -> None:
+    """Let go of the interpreter as the first thing when the process exits.
+
+    Left to itself, PythonFMU's binary does it while it is unloaded, twice, the second time on freed memory and, where
+    it owns the interpreter, after the libraries of numpy and scipy have ended: the process may abort or hang at exit,
+    after correct results. Its own function, called before all that, leaves nothing to do for the two. Where a binary of
+    this project stands before it, that one does this (fmus/front).
+    """
+    if any((resources.parent / "binaries").glob(f"*/{INNER}")):
+        return
+    for path in (resources.parent / "binaries").glob("*/*.so"):
+        with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise
+            library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)  # and thereby never unmapped
+            last = ctypes.cast(library.finalizePythonInterpreter, ctypes.c_void_p)
+            getattr(ctypes.CDLL(None), "__cxa_atexit")(last, None, None)

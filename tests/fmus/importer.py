@@ -22,6 +22,7 @@ class Importer:
         self.path, self.folder = path, fmpy.extract(path)
         self.description = fmpy.read_model_description(self.folder)
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.types = {v.name: v.type for v in self.description.modelVariables}
         self.log = []
         self.callbacks = fmi2CallbackFunctions()
         self.callbacks.logger, self.callbacks.componentEnvironment = listen, len(LOGS) + 1
@@ -53,7 +54,13 @@ class Importer:
         for name, value in values.items():
             names = self.names(name)
             given = list(value) if isinstance(value, list | tuple) else [value] * len(names)
-            self.slave.setReal([self.references[n] for n in names], given)
+            convert = float if self.types[names[0]] == "Real" else int
+            self._of_type("set", names)([self.references[n] for n in names], [convert(x) for x in given])
 
     def get(self, block):
-        return self.slave.getReal([self.references[name] for name in self.names(block)])
+        names = self.names(block)
+        return [float(x) for x in self._of_type("get", names)([self.references[name] for name in names])]
+
+    def _of_type(self, verb, names):
+        """The function of the slave for the type that the scalars of a block have."""
+        return getattr(self.slave, verb + self.types[names[0]])

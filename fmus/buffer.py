@@ -1,0 +1,93 @@
+"""The blocks of a solver core as scalars over one array: places, kinds and bounds, and what may be set.
+
+The value reference of a scalar is its place in the array, whatever its type, so that a block is one slice.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from fmus.description import scalar_names
+from scenes.variables import Variable
+
+LARGEST = float(np.finfo(float).max)  # what is not within it is infinite or not a number
+REMEMBERED = 256  # lists of value references: an importer repeats a few
+
+
+class Buffer:
+    """Values of all scalars. Whatever is refused is a ValueError of one sentence, and no value has changed then."""
+
+    def __init__(self, variables: Sequence[Variable]) -> None:
+        self.blocks: dict[str, tuple[Variable, slice]] = {}
+        size = 0
+        for variable in variables:
+            self.blocks[variable.name] = variable, slice(size, size + variable.size)
+            size += variable.size
+        self.values = np.zeros(size)
+        sizes = [v.size for v in variables]
+        self._block_of = np.repeat(np.array([v.name for v in variables], dtype=object), sizes)
+        self._low = np.repeat([-LARGEST if v.minimum is None else v.minimum for v in variables], sizes)
+        self._high = np.repeat([LARGEST if v.maximum is None else v.maximum for v in variables], sizes)
+        self._spans: dict[tuple[int, int], tuple[list[int], slice | np.ndarray, tuple[str, ...]]] = {}
+
+    def span(self, references: list[int], kind: str) -> tuple[slice | np.ndarray, tuple[str, ...]]:
+        """Where value references are, and the blocks they touch, all of that kind; remembered, as importers repeat."""
+        key = references[0], len(references)
+        known = self._spans.get(key)
+        if known is None or known[0] != references:
+            places = np.array(references)
+            if places.min() < 0 or places.max() >= self.values.size:
+                raise ValueError(f"Value references go from 0 to {self.values.size - 1}.")
+            one_slice = bool((np.diff(places) == 1).all())
+            where = slice(references[0], references[0] + len(references)) if one_slice else places
+            if len(self._spans) >= REMEMBERED:
+                self._spans.clear()
+            known = self._spans[key] = list(references), where, tuple(dict.fromkeys(self._block_of[places]))
+        for name in known[2]:
+            if self.blocks[name][0].kind != kind:
+                right = self.blocks[name][0].kind.capitalize()
+                raise ValueError(f"{name} is of type {right}: it is set and got as such, not as {kind.capitalize()}.")
+        return known[1], known[2]
+
+    def put(self, where: slice | np.ndarray, values: Sequence[float]) -> bool:
+        """Write values within the bounds; whether one has changed."""
+        given, old = np.array(values, dtype=float), self.values[where]
+        if given.shape != old.shape:
+            raise ValueError(f"There are {given.size} values for {old.size} value references.")
+        outside = ~((given >= self._low[where]) & (given <= self._high[where]))
+        if outside.any():
+            k = int(np.argmax(outside))
+            raise ValueError(self._outside(int(np.arange(self.values.size)[where][k]), float(given[k])))
+        if np.array_equal(given, old):
+            return False
+        self.values[where] = given
+        return True
+
+    def _outside(self, place: int, value: float) -> str:
+        """The sentence for a value that is not within the bounds of a scalar."""
+        variable, where = self.blocks[self._block_of[place]]
+        name = scalar_names(variable)[place - where.start]
+        unit = f" {variable.unit}" if variable.unit != "1" else ""
+        low, high = variable.minimum, variable.maximum
+        if not np.isfinite(value) or low is high is None:
+            wanted = "finite"
+        elif low is None or high is None:
+            wanted = f"at most {high:g}{unit}" if low is None else f"at least {low:g}{unit}"
+        else:
+            wanted = f"between {low:g} and {high:g}{unit}"
+        return f"{name} must be {wanted}, not {value:g}; it stays {self.values[place]:g}{unit}."
+
+    def block(self, name: str) -> np.ndarray:
+        """The values of a block in its shape."""
+        variable, where = self.blocks[name]
+        return self.values[where].reshape(variable.shape)
+
+    def fill(self, names: Iterable[str], values: Any) -> None:
+        """Take over blocks from `values`, a function of their name."""
+        for name in names:
+            self.values[self.blocks[name][1]] = np.asarray(values(name), dtype=float).reshape(-1)
+
+    def start(self) -> dict[str, list[float]]:
+        """The present values of every block, in order."""
+        return {name: self.values[where].tolist() for name, (_, where) in self.blocks.items()}
