@@ -71,6 +71,7 @@ class CoreFmu(Fmi2Slave):
         # What the core judges as soon as it is set. A vector may be half set then; inputs are judged by their bounds.
         self._judged = {name for name, (v, _) in self.blocks.items() if v.causality == "parameter" and v.size == 1}
         self._dirty: set[str] = set()
+        self._unsettled = False  # values have been set that start values or outputs may follow
         self._mode = INSTANTIATED
         self._refused: str | None = None  # a call that failed since the last step
         self._lost: str | None = None  # a state that could not be restored
@@ -139,6 +140,7 @@ class CoreFmu(Fmi2Slave):
                 raise ValueError(f"{name} cannot be set: it is {why}.")
             if self._buffer.put(where, values) or self._mode != STEPPING:
                 self._dirty.update(names)
+                self._unsettled = True
                 self._push(self._judged.intersection(names))
         except BaseException as error:
             self._refused = self._say(error, Fmi2Status.error)
@@ -146,7 +148,7 @@ class CoreFmu(Fmi2Slave):
     def _values(self, vrs: list[int], kind: str, convert: Callable[[float], Any], bad: Any) -> list[Any]:
         if not vrs:
             return []
-        if self._mode == INITIALISING and self._dirty:
+        if self._mode == INITIALISING and self._unsettled:
             self._settle()
         try:
             values: list[Any] = self._buffer.values[self._buffer.span(vrs, kind)[0]].tolist()
@@ -184,6 +186,7 @@ class CoreFmu(Fmi2Slave):
 
     def _settle(self) -> None:
         """Outputs, and inputs that were not set, that reflect the start values set so far."""
+        self._unsettled = False
         for reflect in (self._push, self._fetch):
             try:
                 reflect(self.blocks)
@@ -257,7 +260,7 @@ class CoreFmu(Fmi2Slave):
             self._core.restore(saved)
             self._buffer.values[:], self._dirty, self._time = values, set(dirty), time
             self._mode, locked, self._refused = mode
-            self._locked, self._lost = set(locked), None
+            self._locked, self._lost, self._unsettled = set(locked), None, True
         except BaseException as error:
             self._lost = self._say(error, Fmi2Status.error)
 
