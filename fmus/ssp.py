@@ -10,8 +10,9 @@ What is written is what the model descriptions of the FMUs say. Two limits of im
 
 import io
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -61,14 +62,10 @@ def package(name: str, paths: Sequence[Path], out_dir: str | Path) -> Path:
     The FMUs go in as they are. Every input of one that is an output of the other by name is connected to it.
     """
     fmus = {side: _read(path) for side, path in zip(SIDES, paths, strict=False)}
-    connections = [
-        (start, end, scalar)
-        for start in fmus
-        for end in fmus
-        if start != end
-        for scalar in fmus[start].names("output")
-        if scalar in set(fmus[end].names("input"))
-    ]
+    connections = []
+    for start, end in permutations(fmus, 2):
+        inputs = set(fmus[end].names("input"))
+        connections += [(start, end, name) for name in fmus[start].names("output") if name in inputs]
     files = {"SystemStructure.ssd": _text(_structure(name, fmus, connections))}
     for side, fmu in fmus.items():
         files[f"resources/{side}.fmu"] = fmu.content
@@ -90,13 +87,13 @@ def _read(path: Path) -> _Fmu:
     return _Fmu(content, tuple(scalars), units, experiment, root.attrib["generationTool"])
 
 
-def _structure(name: str, fmus: Mapping[str, _Fmu], connections: Iterable[tuple[str, str, str]]) -> Element:
+def _structure(name: str, fmus: Mapping[str, _Fmu], connections: Sequence[tuple[str, str, str]]) -> Element:
     """The content of SystemStructure.ssd; `connections` are (from component, to component, scalar)."""
     structural = fmus[SIDES[0]]
     about = {"version": "1.0", "name": name, "generationTool": structural.tool}
     root = Element("ssd:SystemStructureDescription", NAMESPACES | about)
     system = SubElement(root, "ssd:System", name=name)
-    connected = {(end, scalar) for _, end, scalar in connections}
+    connected = {(end, shared) for _, end, shared in connections}
     elements = SubElement(system, "ssd:Elements")
     for side, fmu in fmus.items():
         source = {"source": f"resources/{side}.fmu", "implementation": "CoSimulation"}
@@ -111,8 +108,8 @@ def _structure(name: str, fmus: Mapping[str, _Fmu], connections: Iterable[tuple[
         SubElement(bindings, "ssd:ParameterBinding", source=f"resources/{side}.ssv")
     if connected:
         listed = SubElement(system, "ssd:Connections")
-        for start, end, scalar in connections:
-            ends = {"startElement": start, "startConnector": scalar, "endElement": end, "endConnector": scalar}
+        for start, end, shared in connections:
+            ends = {"startElement": start, "startConnector": shared, "endElement": end, "endConnector": shared}
             SubElement(listed, "ssd:Connection", ends)
     step = structural.experiment["stepSize"]
     master = {"description": "oms-ma", "stepSize": step, "absoluteTolerance": TOLERANCE, "relativeTolerance": TOLERANCE}
@@ -131,7 +128,7 @@ def _parameters(side: str, fmu: _Fmu) -> Element:
     spaces = {key: NAMESPACES[key] for key in ("xmlns:ssc", "xmlns:ssv")}
     root = Element("ssv:ParameterSet", spaces | {"version": "1.0", "name": side, "generationTool": fmu.tool})
     listed = SubElement(root, "ssv:Parameters")
-    used = set()
+    used: set[str] = set()
     for scalar in fmu.scalars:
         if scalar.causality == "parameter" and scalar.start is not None:
             parameter = SubElement(listed, "ssv:Parameter", name=scalar.name)
