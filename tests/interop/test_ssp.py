@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 import subprocess
 import sys
 import zipfile
@@ -127,10 +128,7 @@ def extracted(folder, name, changes):
     for file in (place / "resources").glob("*.ssv"):
         text = file.read_text()
         for parameter, value in changes.items():
-            before, found, after = text.partition(f'name="{parameter}">')
-            if found:
-                _, quote, after = after.partition('value="')
-                text = f"{before}{found}\n      <ssv:Real {quote}{value!r}{after[after.index(chr(34)) :]}"
+            text = re.sub(rf'(name="{parameter}">\s*<ssv:\w+ value=")[^"]*', rf"\g<1>{value}", text)
         file.write_text(text)
     return place
 
@@ -160,15 +158,28 @@ def test_fmpy_steps_all_components_from_the_step_before(begin, folder, record_pr
     assert apart <= SAME
 
 
-@pytest.mark.parametrize("changes", [{"wind_speed": 13.0}, {"trim_angle": 0.05}], ids=str)
-def test_fmpy_starts_from_the_parameter_set_that_it_is_given(changes, folder):
+def fmpy_table(folder, steps, changes):
+    """The file that the script for fmpy writes for a package with changed values."""
     place = extracted(folder, f"fmpy_{next(iter(changes))}", changes)
     with zipfile.ZipFile(folder / "changed.ssp", "w") as package:
         for path in sorted(place.rglob("*.*")):
             package.write(path, path.relative_to(place))
-    program("ssp_fmpy.py", "changed.ssp", str(STEPS), "changed.csv", "start", folder=folder)
-    assert difference(folder / "changed.csv", loop("start", **changes)) <= SAME
-    assert difference(folder / "changed.csv", loop("start")) > 1e-3
+    program("ssp_fmpy.py", "changed.ssp", str(steps), "changed.csv", "start", folder=folder)
+    return folder / "changed.csv"
+
+
+@pytest.mark.parametrize("changes", [{"wind_speed": 13.0}, {"trim_angle": 0.05}], ids=str)
+def test_fmpy_starts_from_the_parameter_set_that_it_is_given(changes, folder):
+    table = fmpy_table(folder, STEPS, changes)
+    assert difference(table, loop("start", **changes)) <= SAME
+    assert difference(table, loop("start")) > 1e-3
+
+
+def test_a_boolean_that_is_false_in_the_package_is_false_in_both_fmus(folder):
+    with fmpy_table(folder, 1, {"symmetric": "false"}).open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    for side in ("structural", "aero"):
+        assert row[f"{side}.symmetric"] == row[f"{side}.symmetry_used"] == "False"
 
 
 def test_the_page_shows_what_its_commands_print(libcosim):
