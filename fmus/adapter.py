@@ -106,7 +106,8 @@ class CoreFmu(ListSlave):
         for name in sorted(changed, key=lambda name: self.blocks[name][0].causality == "input"):
             self._dirty.discard(name)
             try:
-                self._core.set(name, self._buffer.block(name))
+                with np.errstate(all="ignore"):
+                    self._core.set(name, self._buffer.block(name))
             except ValueError as error:
                 self._fetch([name])
                 failed = failed or error
@@ -114,7 +115,8 @@ class CoreFmu(ListSlave):
             raise failed
 
     def _fetch(self, names: Iterable[str]) -> None:
-        self._buffer.fill(names, self._core.get)
+        with np.errstate(all="ignore"):
+            self._buffer.fill(names, self._core.get)
 
     def _require(self, call: str, *modes: str) -> None:
         if self._mode not in modes:

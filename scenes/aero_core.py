@@ -110,7 +110,7 @@ class AeroCore(Core):
         yield output("symmetry_used", kind="boolean", start=float(start), description=text)
 
     def _check(self, block, array):
-        if block == "wind_direction" and np.linalg.norm(array[[0, 2]]) <= 1e-6 * np.abs(array).max():
+        if block == "wind_direction" and not np.abs(array[[0, 2]]).max() > 1e-6 * np.abs(array).max():
             raise ValueError("wind_direction must not be zero or along the span (y).")
 
     def _parameter_changed(self, block):
@@ -190,6 +190,7 @@ class AeroCore(Core):
     def _present(self):
         """Nodes (n,3) m of the displaced interface, direction (3,) of the wind, its speed m/s."""
         direction = self._values["wind_direction"]
+        direction = np.ldexp(direction, -np.frexp(np.abs(direction).max())[1])  # exact, and its square is a number
         nodes = self._interface.nodes + self._values["displacement"]
         return nodes, direction / np.linalg.norm(direction), self._scalar("wind_speed")
 
@@ -211,8 +212,9 @@ class AeroCore(Core):
                 f"circulation not found in {loads.circulation.newton_iterations} Newton iterations: imbalance "
                 f"{loads.circulation.residual:.2g} of U c / 2."
             )
-        self._gamma = loads.circulation.gamma
-        self._show(nodes, direction, speed, loads, symmetric)
+        with self._finite_results():
+            self._gamma = loads.circulation.gamma
+            self._show(nodes, direction, speed, loads, symmetric)
         self._stale, self._solved = False, True
 
     def _symmetric_shape(self, nodes):

@@ -1,12 +1,13 @@
 """What both solver cores share: blocks of values with checks, stored outputs, complete state."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from .tables import SceneError
-from .variables import Variable
+from .variables import StepFailed, Variable
 
 
 class Core:
@@ -135,6 +136,22 @@ class Core:
 
     def _put(self, block: str, values: Any) -> None:
         self._values[block] = np.array(np.broadcast_to(values, self._by_name[block].shape), dtype=float)
+
+    @contextmanager
+    def _finite_results(self) -> Iterator[None]:
+        """Where the results of a step are put out; StepFailed, and all as it was, if one of them is not finite."""
+        values, hidden = dict(self._values), {k: getattr(self, k) for k in self._hidden}
+        try:
+            with np.errstate(all="ignore"):
+                yield
+            bad = next((k for k in self._values if not np.isfinite(self._values[k]).all()), None)
+            if bad is not None:
+                raise StepFailed(f"{bad} is not finite; what was set is too large.")
+        except BaseException:
+            self._values = values
+            for key, value in hidden.items():
+                setattr(self, key, value)
+            raise
 
     def _scalar(self, block: str) -> float:
         return float(self._values[block])

@@ -195,8 +195,7 @@ class StructuralCore(Core):
         )
         assembly = self._assembly(symmetric, held)
         tolerance = self._scalar("solver_tolerance")
-        beams = self._present_beams()
-        x, rotations = self._x, self._rotations
+        beams, x, rotations = self._present_beams(), self._x, self._rotations
         if first and beams:
             x, rotations = self._eased(assembly, chains, loads, beams)
         result = equilibrium(assembly, chains, loads, x, tolerance, beams=beams, rotations=rotations)
@@ -204,13 +203,14 @@ class StructuralCore(Core):
             moved = np.linalg.norm(result.x - self._x, axis=1)
             raise StepFailed(
                 f"static equilibrium not found in {result.iterations} Newton iterations ({result.status}): "
-                f"{result.residual:.3g} N out of balance, {self._scalar('solver_tolerance'):.3g} N asked for; node "
+                f"{result.residual:.3g} N out of balance, {tolerance:.3g} N asked for; node "
                 f"{self._members.labels[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
             )
-        self._x, self._rotations = result.x, result.rotations
-        self._show(result, chains, loads, symmetric)
-        if "holding_moment" in self._values:
-            self._show_holding(chains, loads, held)
+        with self._finite_results():
+            self._x, self._rotations = result.x, result.rotations
+            self._show(result, chains, loads, symmetric)
+            if "holding_moment" in self._values:
+                self._show_holding(chains, loads, held)
         self._stale, self._solved = False, True
 
     def directional_derivative(self, changes):

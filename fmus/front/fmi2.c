@@ -58,7 +58,7 @@ static int wanted(const Front *front, const char *category)
     if (!front->logging)
         return 0;
     for (size_t i = 0; i < front->categories; ++i)
-        if (strcmp(front->category[i], category) == 0)
+        if (strcmp(front->category[i], category) == 0 || strcmp(front->category[i], "logAll") == 0)
             return 1;
     return front->categories == 0;
 }
