@@ -74,7 +74,10 @@ class Sequence:
         """Told, value references, and whether they are known."""
         rng, size = self.rng, self.one.library.size
         names = list(self.one.library.blocks)
-        match int(rng.integers(10)):
+        match int(rng.integers(11)):
+            case 10:
+                of = self.one.library.places("parameter", kind="Real")
+                return "parameters", rng.permutation(of)[: int(rng.integers(1, len(of) + 1))].tolist()
             case 0 | 1 | 2 | 3:
                 settable = [n for n, (_, c, _) in self.one.library.blocks.items() if c != "output"]
                 name = str(rng.choice(settable))

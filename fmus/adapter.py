@@ -141,10 +141,17 @@ class CoreFmu(ListSlave):
                 name = min(self._locked.intersection(names))
                 why = "an output" if name in self._outputs else "a fixed parameter, set before initialisation"
                 raise ValueError(f"{name} cannot be set: it is {why}.")
+            old, dirty, judged = self._buffer.values[where].copy(), set(self._dirty), self._judged.intersection(names)
             if self._buffer.put(where, values) or self._mode != STEPPING:
                 self._dirty.update(names)
                 self._unsettled = True
-                self._push(self._judged.intersection(names))
+                try:
+                    self._push(judged)
+                except ValueError:  # of the core: no value of this call stays
+                    self._buffer.values[where] = old
+                    self._dirty = dirty | judged
+                    self._push(judged)
+                    raise
         except BaseException as error:
             self._refused = self._say(error, Fmi2Status.error)
 
