@@ -39,7 +39,7 @@ class Sequence:
         self.rng, self.one, self.other = rng, one, other
         self.foreign = foreign  # serialised states of other FMUs
         self.wanted = set(CATEGORIES.values())  # the categories that are logged
-        self.states = []  # handles ever seen
+        self.states, self.bad = [], set()  # handles ever seen, and those of bytes that were no state
         self.contents = []
         self.trace, self.statuses = [], {OK: 0, DISCARD: 0, ERROR: 0}
 
@@ -210,6 +210,7 @@ class Sequence:
                 told, old = self.handle() if rng.random() < 0.2 else ("new", c_void_p())
                 self.check(f"GetFMUstate {told}", self.one.call("GetFMUstate", byref(old)), OK)
                 self.states.append(old.value)
+                self.bad.discard(old.value)
             case "restore":
                 told, state = self.handle()
                 self.check(f"SetFMUstate {told}", self.one.call("SetFMUstate", state), None if told == "kept" else ERROR)
@@ -226,19 +227,19 @@ class Sequence:
                 if status == OK:
                     status, content = self.one.serialised(state)
                     self.check("SerializeFMUstate", status, OK)
-                    self.contents.append(content)
+                    self.contents += [content] if state.value not in self.bad else []
                     short = create_string_buffer(size.value)
                     status = self.one.call("SerializeFMUstate", state, short, c_size_t(size.value // 2))
                     self.check("SerializeFMUstate short", status, ERROR)
             case "read":
                 told, content = self.content()
                 status, state = self.one.read(content)
-                self.check(f"DeSerializeFMUstate {told}", status)
-                if status == OK:
-                    self.states.append(state.value)
-                    if rng.random() < 0.5:
-                        status = self.one.call("SetFMUstate", state)
-                        self.check(f"SetFMUstate read {told}", status, OK if told == "own" else ERROR)
+                self.check(f"DeSerializeFMUstate {told}", status, OK)
+                self.states.append(state.value)
+                (self.bad.discard if told == "own" else self.bad.add)(state.value)
+                if rng.random() < 0.5:
+                    status = self.one.call("SetFMUstate", state)
+                    self.check(f"SetFMUstate read {told}", status, OK if told == "own" else ERROR)
 
     def content(self):
         """Told, and a serialised state: own, of another FMU, cut, changed or none."""
@@ -264,8 +265,8 @@ class Sequence:
         chosen = [NAMES[i] for i in rng.integers(0, len(NAMES), int(rng.integers(4)))]
         status = self.one.log_only(on, chosen)
         known = set(CATEGORIES.values())
-        everything = not chosen or b"logAll" in chosen
-        self.wanted = (known if everything else {c.decode("latin-1") for c in chosen} & known) if on else set()
+        some = known if not chosen or b"logAll" in chosen else {c.decode("latin-1") for c in chosen} & known
+        self.wanted = some if on else set()
         self.check(f"SetDebugLogging {on} {[c[:20] for c in chosen]}", status, OK)
 
     def query(self):

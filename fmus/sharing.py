@@ -1,5 +1,6 @@
 """What the FMUs of one process share: the packages that every FMU carries, and the interpreter."""
 
+import _ctypes
 import contextlib
 import ctypes
 import importlib
@@ -43,5 +44,8 @@ def end_cleanly(resources: Path) -> None:
     for path in (resources.parent / "binaries").glob("*/*.so"):
         with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise
             library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)  # and thereby never unmapped
+            if not hasattr(library, "finalizePythonInterpreter"):
+                _ctypes.dlclose(library._handle)  # but this one is, when the host lets go of it
+                continue
             last = ctypes.cast(library.finalizePythonInterpreter, ctypes.c_void_p)
             getattr(ctypes.CDLL(None), "__cxa_atexit")(last, None, None)
