@@ -128,7 +128,7 @@ def work(folder, seed, ks):
         print(json.dumps(run_one(k, seed, libraries, known, pool)), flush=True)
 
 
-def _worker(folder, seed, ks, records, every):
+def worker(folder, seed, ks, records, every):
     """Run sequences in processes, the next one where one dies."""
     ks = list(ks)
     while ks:
@@ -162,7 +162,7 @@ def campaign(sequences, seed=SEED, chosen=tuple(SHARES), workers=2, every=lambda
         prepare = [sys.executable, "-W", "error", "-m", __name__, folder, json.dumps(list(chosen))]
         subprocess.run(prepare, check=True)
         parts = [range(first, sequences, workers) for first in range(workers)]
-        threads = [threading.Thread(target=_worker, args=(folder, seed, part, records, every)) for part in parts]
+        threads = [threading.Thread(target=worker, args=(folder, seed, part, records, every)) for part in parts]
         for thread in threads:
             thread.start()
         for thread in threads:
@@ -189,7 +189,7 @@ def fuzz(quick):
     head = ["FMU", "sequences", "calls", "judged OK", "Discard", "Error", "slowest call, s", "which"]
     told = (
         f"Seed {SEED}; {minutes:.1f} minutes in {os.cpu_count()} processes. Half of the sequences begin from a coupled state, "
-        "half from a new or reset instance. In every one: no end of the process, no call above 20 s, no status but OK, "
+        "half from a new or reset instance. In every one: no end of the process, no call above 20 s (100 s of the inflatable wings), no status but OK, "
         "Discard and Error, a sentence of that status for the latter two and none for the first, the old values after a "
         "refused one, the old outputs after a discarded step, finite ones after any other; and after the coupled state "
         "was restored, a step to the same bits as in the process that made it."

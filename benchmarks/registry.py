@@ -18,6 +18,8 @@ SUBJECTS = (
     "coupling_reference",
     "coupling_schemes",
     "coupling_stress",
+    "fmu_fuzz",
+    "fmu_cycles",
     "typical_section",
     "saddle",
     "beams",
