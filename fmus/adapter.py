@@ -3,9 +3,9 @@
 A value is checked where it is set: one that is refused is logged, the old one stays. A step hands the blocks that
 changed to the core, solves, and fetches the outputs.
 
-PythonFMU answers an exception with fmi2Fatal and a double free in the host. Nothing may leave the methods it calls:
-they log one sentence instead, and the step that follows is discarded: where PythonFMU's binary is what the host sees,
-it is the only call that can report a failure.
+Nothing may leave the methods that a binary calls: they log one sentence instead, for which that of this project
+(fmus/front) returns fmi2Error. That of PythonFMU, in FMUs for other platforms, cannot, and answers an exception with
+fmi2Fatal and a double free; so the step that follows a refusal is discarded too.
 """
 
 import contextlib
@@ -13,18 +13,19 @@ import hashlib
 import json
 import math
 import pickle
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from pythonfmu import DefaultExperiment, Fmi2Slave
+from pythonfmu import DefaultExperiment
 from pythonfmu.enums import Fmi2Status
 
 import scenes
 from fmus.buffer import Buffer
 from fmus.description import add_variables, describe_model
+from fmus.lists import MEMORY, ListSlave
 from fmus.sharing import end_cleanly, share_modules
 from scenes.variables import StepFailed, Variable
 
@@ -47,7 +48,7 @@ class Core(Protocol):
     def restore(self, state: Any) -> None: ...
 
 
-class CoreFmu(Fmi2Slave):
+class CoreFmu(ListSlave):
     """FMI slave of one solver core: the given one, or the one of the scene in the FMU's resources."""
 
     title = "Solver"
@@ -71,6 +72,7 @@ class CoreFmu(Fmi2Slave):
         # What the core judges as soon as it is set. A vector may be half set then; inputs are judged by their bounds.
         self._judged = {name for name, (v, _) in self.blocks.items() if v.causality == "parameter" and v.size == 1}
         self._dirty: set[str] = set()
+        self._unsettled = False  # values have been set that start values or outputs may follow
         self._mode = INSTANTIATED
         self._refused: str | None = None  # a call that failed since the last step
         self._lost: str | None = None  # a state that could not be restored
@@ -127,63 +129,50 @@ class CoreFmu(Fmi2Slave):
 
     # Variables
 
-    def _put(self, vrs: list[int], values: Sequence[float], kind: str) -> None:
+    def _put(self, references: np.ndarray, values: Sequence[float] | np.ndarray, kind: str) -> None:
         try:
             self._require("Setting a variable", INSTANTIATED, INITIALISING, STEPPING)
-            if not vrs:
+            if not len(references):
                 return
-            where, names = self._buffer.span(vrs, kind)
+            where, names = self._buffer.span(references, kind)
             if not self._locked.isdisjoint(names):
                 name = min(self._locked.intersection(names))
                 why = "an output" if name in self._outputs else "a fixed parameter, set before initialisation"
                 raise ValueError(f"{name} cannot be set: it is {why}.")
             if self._buffer.put(where, values) or self._mode != STEPPING:
                 self._dirty.update(names)
+                self._unsettled = True
                 self._push(self._judged.intersection(names))
         except BaseException as error:
             self._refused = self._say(error, Fmi2Status.error)
 
-    def _values(self, vrs: list[int], kind: str, convert: Callable[[float], Any], bad: Any) -> list[Any]:
-        if not vrs:
-            return []
-        if self._mode == INITIALISING and self._dirty:
-            self._settle()
+    def _take(self, references: np.ndarray, kind: str) -> np.ndarray | None:
+        """Values of scalars; None where they cannot be told."""
         try:
-            values: list[Any] = self._buffer.values[self._buffer.span(vrs, kind)[0]].tolist()
-            return values if kind == "real" else [convert(value) for value in values]
+            if self._mode == INITIALISING and self._unsettled:
+                self._settle()
+            return self._buffer.values[self._buffer.span(references, kind)[0]]
         except BaseException as error:
             self._say(error, Fmi2Status.error)
-            return [bad] * len(vrs)
+            return None
 
-    def set_real(self, vrs: list[int], values: list[float]) -> None:
-        self._put(vrs, values, "real")
+    # As the binary of this project calls: memory of the host, valid during the call. As PythonFMU's does: lists.py.
 
-    def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        self._put(vrs, values, "integer")
+    def put(self, kind: str, references: memoryview, values: memoryview) -> None:
+        """Set variables; the binary returns fmi2Error for what is logged meanwhile."""
+        self._put(np.frombuffer(references, np.uint32), np.frombuffer(values, MEMORY[kind]), kind)
 
-    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
-        self._put(vrs, values, "boolean")
-
-    def set_string(self, vrs: list[int], values: list[str]) -> None:
-        self._refused = self._say("There are no String variables.", Fmi2Status.error)
-
-    def get_real(self, vrs: list[int]) -> list[float]:
-        return self._values(vrs, "real", float, math.nan)
-
-    def get_integer(self, vrs: list[int]) -> list[int]:
-        return self._values(vrs, "integer", round, 0)
-
-    def get_boolean(self, vrs: list[int]) -> list[bool]:
-        return self._values(vrs, "boolean", bool, False)
-
-    def get_string(self, vrs: list[int]) -> list[str]:
-        self._say("There are no String variables.", Fmi2Status.error)
-        return [""] * len(vrs)
+    def take(self, kind: str, references: memoryview, values: memoryview) -> None:
+        """Get variables."""
+        taken = self._take(np.frombuffer(references, np.uint32), kind)
+        if taken is not None:
+            np.frombuffer(values, MEMORY[kind])[:] = taken
 
     # Life
 
     def _settle(self) -> None:
         """Outputs, and inputs that were not set, that reflect the start values set so far."""
+        self._unsettled = False
         for reflect in (self._push, self._fetch):
             try:
                 reflect(self.blocks)
@@ -257,7 +246,7 @@ class CoreFmu(Fmi2Slave):
             self._core.restore(saved)
             self._buffer.values[:], self._dirty, self._time = values, set(dirty), time
             self._mode, locked, self._refused = mode
-            self._locked, self._lost = set(locked), None
+            self._locked, self._lost, self._unsettled = set(locked), None, True
         except BaseException as error:
             self._lost = self._say(error, Fmi2Status.error)
 
@@ -273,6 +262,7 @@ class CoreFmu(Fmi2Slave):
     def _fmu_state_from_bytes(state: bytes) -> Any:
         """A state, or the sentence that says why it is none, which is logged when it is restored."""
         try:
+            state = bytes(state)
             digest, content = state[len(STATE) : len(STATE) + 32], state[len(STATE) + 32 :]
             if not state.startswith(STATE) or hashlib.sha256(content).digest() != digest:
                 return "The bytes are not a serialised state of this FMU, or were changed."

@@ -29,28 +29,30 @@ class Buffer:
         self._block_of = np.repeat(np.array([v.name for v in variables], dtype=object), sizes)
         self._low = np.repeat([-LARGEST if v.minimum is None else v.minimum for v in variables], sizes)
         self._high = np.repeat([LARGEST if v.maximum is None else v.maximum for v in variables], sizes)
-        self._spans: dict[tuple[int, int], tuple[list[int], slice | np.ndarray, tuple[str, ...]]] = {}
+        self._spans: dict[tuple[str, bytes], tuple[slice | np.ndarray, tuple[str, ...]]] = {}
 
-    def span(self, references: list[int], kind: str) -> tuple[slice | np.ndarray, tuple[str, ...]]:
+    def span(self, references: np.ndarray, kind: str) -> tuple[slice | np.ndarray, tuple[str, ...]]:
         """Where value references are, and the blocks they touch, all of that kind; remembered, as importers repeat."""
-        key = references[0], len(references)
+        key = kind, references.tobytes()
         known = self._spans.get(key)
-        if known is None or known[0] != references:
-            places = np.array(references)
-            if places.min() < 0 or places.max() >= self.values.size:
-                raise ValueError(f"Value references go from 0 to {self.values.size - 1}.")
-            one_slice = bool((np.diff(places) == 1).all())
-            where = slice(references[0], references[0] + len(references)) if one_slice else places
+        if known is None:
             if len(self._spans) >= REMEMBERED:
                 self._spans.clear()
-            known = self._spans[key] = list(references), where, tuple(dict.fromkeys(self._block_of[places]))
-        for name in known[2]:
+            known = self._spans[key] = self._place(references.astype(np.int64), kind)
+        return known
+
+    def _place(self, places: np.ndarray, kind: str) -> tuple[slice | np.ndarray, tuple[str, ...]]:
+        if places.min() < 0 or places.max() >= self.values.size:
+            raise ValueError(f"Value references go from 0 to {self.values.size - 1}.")
+        names = tuple(dict.fromkeys(self._block_of[places]))
+        for name in names:
             if self.blocks[name][0].kind != kind:
                 right = self.blocks[name][0].kind.capitalize()
                 raise ValueError(f"{name} is of type {right}: it is set and got as such, not as {kind.capitalize()}.")
-        return known[1], known[2]
+        one_slice = bool((np.diff(places) == 1).all())
+        return slice(int(places[0]), int(places[-1]) + 1) if one_slice else places, names
 
-    def put(self, where: slice | np.ndarray, values: Sequence[float]) -> bool:
+    def put(self, where: slice | np.ndarray, values: Sequence[float] | np.ndarray) -> bool:
         """Write values within the bounds; whether one has changed."""
         given, old = np.array(values, dtype=float), self.values[where]
         if given.shape != old.shape:

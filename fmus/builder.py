@@ -25,7 +25,7 @@ from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.description import PROJECT
 from fmus.documentation import page
-from fmus.sharing import INNER, PACKAGES
+from fmus.sharing import PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
@@ -122,15 +122,14 @@ def _binaries(identifier: str) -> dict[str, bytes]:
     """Path -> content of what a host loads; on Linux that of this project, where it was compiled with the project."""
     found = {}
     for binary in (_pythonfmu() / BINARIES).glob("*/*"):
-        found[f"{binary.parent.name}/{identifier}{binary.suffix}"] = binary.read_bytes()
-    shown = f"linux64/{identifier}.so"
-    if shown in found and (front := front_binary()):
-        found[f"linux64/{INNER}"], found[shown] = found[shown], front.read_bytes()
-    return found
+        found[f"{binary.parent.name}/{identifier}{binary.suffix}"] = binary
+    if own := own_binary():
+        found[f"linux64/{identifier}.so"] = own
+    return {path: binary.read_bytes() for path, binary in found.items()}
 
 
-def front_binary() -> Path | None:
-    """The library that stands before PythonFMU's (fmus/front); None where it was not compiled."""
+def own_binary() -> Path | None:
+    """The binary of this project (fmus/front); None where it was not compiled."""
     path = Path(__file__).with_name(f"_front{sysconfig.get_config_var('EXT_SUFFIX')}")
     return path if sys.platform == "linux" and platform.machine() == "x86_64" and path.is_file() else None
 

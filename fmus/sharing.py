@@ -10,7 +10,6 @@ from pathlib import Path
 import scenes
 
 PACKAGES = ("structural", "aero", "scenes", "fmus")  # what an FMU carries
-INNER = "pythonfmu.so"  # PythonFMU's binary, in an FMU where one of this project stands before it (fmus/front)
 
 
 def share_modules(resources: Path) -> None:
@@ -38,11 +37,9 @@ def end_cleanly(resources: Path) -> None:
 
     Left to itself, PythonFMU's binary does it while it is unloaded, twice, the second time on freed memory and, where
     it owns the interpreter, after the libraries of numpy and scipy have ended: the process may abort or hang at exit,
-    after correct results. Its own function, called before all that, leaves nothing to do for the two. Where a binary of
-    this project stands before it, that one does this (fmus/front).
+    after correct results. Its own function, called before all that, leaves nothing to do for the two. The binary of
+    this project (fmus/front) has no such function, and needs none.
     """
-    if any((resources.parent / "binaries").glob(f"*/{INNER}")):
-        return
     for path in (resources.parent / "binaries").glob("*/*.so"):
         with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise
             library = ctypes.CDLL(str(path), mode=os.RTLD_NOLOAD | os.RTLD_NOW)  # and thereby never unmapped

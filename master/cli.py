@@ -211,6 +211,27 @@ def couple(
     _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart)))
 
 
+@app.command("host-env", short_help="Print the environment in which C and C++ hosts run the FMUs.")
+def host_env(
+    preload: Annotated[
+        bool,
+        typer.Option(
+            "--preload",
+            help="LD_PRELOAD and PYTHONPATH instead, as other FMUs of PythonFMU need them, and FMUs of this project "
+            "that were built without a C compiler at installation.",
+        ),
+    ] = False,
+) -> None:
+    """Print the environment variables that a host without Python (C, C++) needs to run the FMUs with this Python.
+
+    In a shell: eval "$(kitecosim host-env)". Hosts that are Python programs need nothing but numpy and scipy; a host
+    that finds such a Python as python3 in its PATH needs nothing either.
+    """
+    from master.commands import print_host_environment
+
+    _finish(lambda: print_host_environment(preload))
+
+
 def _assignments(pairs: list[str] | None) -> dict[str, str]:
     assigned = {}
     for pair in pairs or []:

@@ -1,6 +1,7 @@
 """What the commands of the command line do: from words to scenes, participants, runs and files."""
 
 import contextlib
+import shlex
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -141,6 +142,15 @@ def results_folder(out: Path) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueError(f"--out {out} cannot be made a folder ({reason}); name another one.") from None
+
+
+def print_host_environment(preload: bool) -> int:
+    """Print what a host without Python needs in its environment, as lines of a shell."""
+    from fmus.host import host_environment
+
+    for name, value in host_environment(preload).items():
+        print(f"export {name}={shlex.quote(value)}")
+    return 0
 
 
 def list_scenes(name: str | None = None) -> int:

@@ -1,25 +1,22 @@
-/* The functions of an FMI 2.0 co-simulation FMU, each handed on to PythonFMU's binary beside this one.
+/* The functions of an FMI 2.0 co-simulation FMU.
 
-   What is added: Python is started where the host has none; a null pointer, a state that is not one, a foreign GUID or
-   a block of memory that is too small ends in fmi2Error and a logged sentence, not in the end of the process; a call
-   whose failure PythonFMU can only log returns fmi2Error; reasons are logged unless the host turns logging off; what the
-   host forgot to free is freed with the instance. */
+   A null pointer, a state that is not one, a foreign GUID or a block of memory that is too small ends in fmi2Error and a
+   logged sentence, not in the end of the process. Values that the slave refuses end so too, and the old ones stay. What
+   the host forgot to free is freed with the instance. */
 
 #define _GNU_SOURCE /* dladdr */
 
 #include "front.h"
 
 #include <dlfcn.h>
-#include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define EXPORT __attribute__((visibility("default")))
-#define INNER "pythonfmu.so" /* the binary of PythonFMU, in the folder of this one */
 
-enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING };           /* fmi2Status */
+enum { OK, WARNING, DISCARD, ERROR };                           /* fmi2Status, as far as it is used */
 enum { DO_STEP_STATUS, PENDING_STATUS, LAST_TIME, TERMINATED }; /* fmi2StatusKind */
 enum { CO_SIMULATION = 1 };                                     /* fmi2Type */
 
@@ -34,37 +31,25 @@ typedef struct {
 } Callbacks;
 
 typedef struct State {
-    void *inner;
+    void *content; /* of Python */
+    void *bytes;   /* its serialised form between the calls that ask for its size and for itself */
     struct State *next;
 } State;
 
 typedef struct {
-    void *inner;         /* the component of PythonFMU */
+    Slave slave;
     char *name;
+    char *resources;
+    int visible;
     const Callbacks *host;
-    Callbacks own;       /* what PythonFMU gets */
     State *states;
     int logging;
-    size_t categories;   /* 0: all */
+    size_t categories; /* 0: all */
     char **category;
-    int worst;           /* status that was logged since the present call began */
-    int discarded;       /* whether the last step was */
+    int worst;         /* status that was logged since the present call began */
+    int discarded;     /* whether the last step was */
+    double last;       /* end of the last step that was not, or the begin of the one that was */
 } Front;
-
-/* The functions of PythonFMU's binary; the order of NAMES. */
-static const char *const NAMES[] = {
-    "fmi2Instantiate", "fmi2FreeInstance", "fmi2SetDebugLogging", "fmi2SetupExperiment", "fmi2EnterInitializationMode",
-    "fmi2ExitInitializationMode", "fmi2Terminate", "fmi2Reset", "fmi2GetReal", "fmi2GetInteger", "fmi2GetBoolean",
-    "fmi2GetString", "fmi2SetReal", "fmi2SetInteger", "fmi2SetBoolean", "fmi2SetString", "fmi2GetFMUstate",
-    "fmi2SetFMUstate", "fmi2FreeFMUstate", "fmi2SerializedFMUstateSize", "fmi2SerializeFMUstate",
-    "fmi2DeSerializeFMUstate", "fmi2DoStep", "fmi2GetRealStatus"};
-enum { INSTANTIATE, FREE, LOGGING, SETUP, ENTER, EXIT, TERMINATE, RESET, GET_REAL, GET_INTEGER, GET_BOOLEAN, GET_STRING,
-       SET_REAL, SET_INTEGER, SET_BOOLEAN, SET_STRING, GET_STATE, SET_STATE, FREE_STATE, SIZE, SERIALISE, DESERIALISE,
-       STEP, REAL_STATUS, FUNCTIONS };
-
-static void *library;
-static void *function[FUNCTIONS];
-static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 
 /* Logging */
 
@@ -78,24 +63,14 @@ static int wanted(const Front *front, const char *category)
     return front->categories == 0;
 }
 
-/* A message as the host gets it: its logger takes a printf format, so that per cent signs stay doubled. */
-static void tell(const Callbacks *host, const char *name, int status, const char *category, const char *format)
-{
-    if (host != NULL && host->logger != NULL)
-        host->logger(host->environment, name, status, category, format);
-}
-
-/* What PythonFMU logs; it passes a format without arguments. */
-static void heard(void *environment, const char *instance, int status, const char *category, const char *format, ...)
+/* A message of a slave; the host's logger takes a printf format, and per cent signs come doubled. */
+static void heard(void *environment, int status, const char *category, const char *text)
 {
     Front *const front = environment;
-    const char *const kind = category != NULL ? category : "logStatusError";
-
-    (void)instance;
     if (status > front->worst)
         front->worst = status;
-    if (wanted(front, kind))
-        tell(front->host, front->name, status, kind, format);
+    if (wanted(front, category) && front->host != NULL && front->host->logger != NULL)
+        front->host->logger(front->host->environment, front->name, status, category, text);
 }
 
 static int refused(Front *front, const char *format, ...)
@@ -105,7 +80,7 @@ static int refused(Front *front, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    heard(front, front->name, ERROR, "logStatusError", text);
+    heard(front, ERROR, "logStatusError", text);
     return ERROR;
 }
 
@@ -118,24 +93,11 @@ static void forget_categories(Front *front)
     front->categories = 0;
 }
 
-/* The binary of PythonFMU */
-
-/* At the end of the process, before its library is unloaded, or when the host unloads this one: left to itself PythonFMU
-   lets go of the interpreter twice, the second time in freed memory. */
-static void end(void)
-{
-    void (*const finish)(void) = (void (*)(void))dlsym(library, "finalizePythonInterpreter");
-    if (finish != NULL)
-        finish();
-    dlclose(library);
-    library = NULL;
-}
-
-/* Path of a file beside this library, or `up` folders above; 0 where it does not fit. */
+/* Path of a file `up` folders above that of this library; 0 where it is not known or does not fit. */
 static int beside(const char *file, int up, char *path, size_t size)
 {
     Dl_info where;
-    if (dladdr((void *)&lock, &where) == 0 || where.dli_fname == NULL || strlen(where.dli_fname) >= size)
+    if (dladdr((void *)&heard, &where) == 0 || where.dli_fname == NULL || strlen(where.dli_fname) >= size)
         return 0;
     strcpy(path, where.dli_fname);
     for (int i = 0; i <= up; ++i) {
@@ -144,39 +106,35 @@ static int beside(const char *file, int up, char *path, size_t size)
             return 0;
         *slash = '\0';
     }
-    return (size_t)snprintf(path + strlen(path), size - strlen(path), "/%s", file) < size - strlen(path);
+    const size_t used = strlen(path);
+    return (size_t)snprintf(path + used, size - used, "/%s", file) < size - used;
 }
 
-static int load(char *why, size_t size)
+/* The folder that a URI of the host names, or that of this FMU where there is none. */
+static char *resource_folder(const char *uri)
 {
     char path[4096];
-    int done = 0;
-
-    pthread_mutex_lock(&lock);
-    if (library != NULL) {
-        done = 1;
-    } else if (!front_start_python(why, size)) {
-    } else if (!beside(INNER, 0, path, sizeof path)) {
-        snprintf(why, size, "The folder of the FMU's binary is not known.");
-    } else if ((library = dlopen(path, RTLD_NOW | RTLD_LOCAL)) == NULL) {
-        snprintf(why, size, "The FMU's inner binary cannot be opened: %s.", dlerror());
-    } else {
-        done = 1;
-        for (int i = 0; done && i < FUNCTIONS; ++i) {
-            function[i] = dlsym(library, NAMES[i]);
-            done = function[i] != NULL;
-            if (!done)
-                snprintf(why, size, "The FMU's inner binary has no %s.", NAMES[i]);
-        }
-        if (done) {
-            atexit(end);
+    if (uri == NULL || *uri == '\0')
+        return beside("resources", 2, path, sizeof path) ? strdup(path) : NULL;
+    const char *from = uri;
+    if (strncmp(from, "file:", 5) == 0) {
+        from += 5;
+        if (strncmp(from, "//", 2) == 0 && (from = strchr(from + 2, '/')) == NULL) /* after an authority, often empty */
+            return NULL;
+    }
+    char *const folder = strdup(from), *to = folder;
+    for (; folder != NULL && *from != '\0'; ++to) {
+        unsigned code;
+        if (uri != NULL && *from == '%' && sscanf(from + 1, "%2x", &code) == 1 && code != 0) {
+            *to = (char)code;
+            from += 3;
         } else {
-            dlclose(library);
-            library = NULL;
+            *to = *from++;
         }
     }
-    pthread_mutex_unlock(&lock);
-    return done;
+    if (folder != NULL)
+        *to = '\0';
+    return folder;
 }
 
 /* Whether the model description `up` folders above has another GUID; unreadable ones have not. */
@@ -194,10 +152,10 @@ static int other_guid(const char *guid)
     return at != NULL && (strncmp(at + 6, guid, strlen(guid)) != 0 || at[6 + strlen(guid)] != '"');
 }
 
-/* The status of a call that PythonFMU has ended: with fmi2OK where it could only log that it failed. */
-static int judged(const Front *front, int status)
+/* The status of a call: whatever the slave has said of it as an error makes it one. */
+static int judged(const Front *front, int done)
 {
-    return status < DISCARD && front->worst >= DISCARD ? ERROR : status;
+    return done && front->worst < DISCARD ? OK : ERROR;
 }
 
 static Front *begun(void *component)
@@ -216,6 +174,7 @@ EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 static void discard(Front *front)
 {
     forget_categories(front);
+    free(front->resources);
     free(front->name);
     free(front);
 }
@@ -223,60 +182,42 @@ static void discard(Front *front)
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
                              const Callbacks *callbacks, int visible, int logging)
 {
-    typedef void *Instantiate(const char *, int, const char *, const char *, const Callbacks *, int, int);
-    char why[2000] = "", place[4096];
     Front *const front = calloc(1, sizeof *front);
+    int made = 0;
 
+    (void)logging; /* there are no debug messages; errors and discards are logged until fmi2SetDebugLogging */
     if (front == NULL)
         return NULL;
     front->name = strdup(name != NULL ? name : "");
+    front->resources = resource_folder(resources);
+    front->visible = visible != 0;
     front->host = callbacks;
-    front->own = (Callbacks){heard, NULL, NULL, NULL, front};
     front->logging = 1;
-    if (callbacks != NULL) {
-        front->own.allocate = callbacks->allocate;
-        front->own.release = callbacks->release;
-        front->own.step_finished = callbacks->step_finished;
-    }
+    front->slave = (Slave){NULL, NULL, heard, front};
     if (front->name == NULL || *front->name == '\0')
-        snprintf(why, sizeof why, "An instance needs a name that is not empty.");
+        refused(front, "An instance needs a name that is not empty.");
     else if (type != CO_SIMULATION)
-        snprintf(why, sizeof why, "The FMU is for co-simulation only.");
+        refused(front, "The FMU is for co-simulation only.");
     else if (guid == NULL || other_guid(guid))
-        snprintf(why, sizeof why, "The GUID is not that of the FMU's model description.");
-    else if (load(why, sizeof why)) {
-        if (resources == NULL && beside("resources", 2, place, sizeof place))
-            resources = place;
-        if (resources != NULL)
-            front->inner = ((Instantiate *)function[INSTANTIATE])(front->name, type, guid, resources, &front->own,
-                                                                  visible, 1);
-        if (front->inner == NULL && front->worst == OK)
-            snprintf(why, sizeof why, "The FMU cannot be instantiated.");
-    }
-    if (front->inner == NULL) {
-        if (*why != '\0') {
-            char *sign = why;
-            while ((sign = strchr(sign, '%')) != NULL && strlen(why) < sizeof why - 1) {
-                memmove(sign + 1, sign, strlen(sign) + 1); /* doubled, as the logger takes a format */
-                sign += 2;
-            }
-            tell(callbacks, front->name, FATAL, "logStatusError", why);
-        }
-        discard(front);
-        return NULL;
-    }
-    (void)logging; /* debug messages there are none; errors and discards are logged until fmi2SetDebugLogging */
-    return front;
+        refused(front, "The GUID is not that of the FMU's model description.");
+    else if (front->resources == NULL)
+        refused(front, "The folder of the FMU's resources is not known.");
+    else
+        made = slave_make(&front->slave, front->name, front->resources, front->visible);
+    if (made)
+        return front;
+    discard(front);
+    return NULL;
 }
 
 static void free_state(Front *front, State *state)
 {
-    typedef int Free(void *, void **);
     State **link = &front->states;
     while (*link != state)
         link = &(*link)->next;
     *link = state->next;
-    ((Free *)function[FREE_STATE])(front->inner, &state->inner);
+    slave_release(state->bytes);
+    slave_release(state->content);
     free(state);
 }
 
@@ -287,7 +228,7 @@ EXPORT void fmi2FreeInstance(void *component)
         return;
     while (front->states != NULL)
         free_state(front, front->states);
-    ((void (*)(void *))function[FREE])(front->inner);
+    slave_free(&front->slave);
     discard(front);
 }
 
@@ -311,62 +252,67 @@ EXPORT int fmi2SetDebugLogging(void *component, int logging, size_t count, const
 EXPORT int fmi2SetupExperiment(void *component, int tolerant, double tolerance, double start, int stops, double stop)
 {
     Front *const front = begun(component);
-    typedef int Setup(void *, int, double, double, int, double);
-    return front == NULL ? ERROR
-                         : judged(front, ((Setup *)function[SETUP])(front->inner, tolerant, tolerance, start, stops, stop));
+    (void)tolerant, (void)tolerance, (void)stops, (void)stop; /* the solvers have tolerances of their own */
+    return front == NULL ? ERROR : judged(front, slave_setup(&front->slave, start));
 }
 
-static int plain(void *component, int which)
+static int called(void *component, const char *method)
 {
     Front *const front = begun(component);
-    return front == NULL ? ERROR : judged(front, ((int (*)(void *))function[which])(front->inner));
+    return front == NULL ? ERROR : judged(front, slave_call(&front->slave, method));
 }
 
-EXPORT int fmi2EnterInitializationMode(void *component) { return plain(component, ENTER); }
-EXPORT int fmi2ExitInitializationMode(void *component) { return plain(component, EXIT); }
-EXPORT int fmi2Terminate(void *component) { return plain(component, TERMINATE); }
+EXPORT int fmi2EnterInitializationMode(void *component) { return called(component, "enter_initialization_mode"); }
+EXPORT int fmi2ExitInitializationMode(void *component) { return called(component, "exit_initialization_mode"); }
+EXPORT int fmi2Terminate(void *component) { return called(component, "terminate"); }
 
 EXPORT int fmi2Reset(void *component)
-{
-    if (component != NULL)
-        ((Front *)component)->discarded = 0;
-    return plain(component, RESET);
-}
-
-/* Variables */
-
-static int moved(void *component, int which, const unsigned *references, size_t count, void *values)
 {
     Front *const front = begun(component);
     if (front == NULL)
         return ERROR;
-    if (count > 0 && (references == NULL || values == NULL))
-        return refused(front, "There are no value references or no values at a null pointer.");
-    typedef int Move(void *, const unsigned *, size_t, void *);
-    return judged(front, ((Move *)function[which])(front->inner, references, count, values));
+    Slave fresh = {NULL, NULL, heard, front};
+    if (!slave_make(&fresh, front->name, front->resources, front->visible))
+        return ERROR;
+    slave_free(&front->slave);
+    front->slave = fresh;
+    front->discarded = 0;
+    return judged(front, 1);
 }
 
-#define MOVE(name, type, which)                                                                  \
-    EXPORT int name(void *component, const unsigned references[], size_t count, type values[])   \
-    {                                                                                            \
-        return moved(component, which, references, count, (void *)values);                       \
+/* Variables */
+
+static int moved(void *component, Kind kind, const unsigned *references, size_t count, const void *given, void *taken)
+{
+    Front *const front = begun(component);
+    if (front == NULL)
+        return ERROR;
+    if (count == 0)
+        return OK;
+    if (references == NULL || (given == NULL && taken == NULL))
+        return refused(front, "There are no value references or no values at a null pointer.");
+    if (kind == STRING)
+        return refused(front, "There are no String variables.");
+    return judged(front, taken != NULL ? slave_take(&front->slave, kind, references, count, taken)
+                                       : slave_put(&front->slave, kind, references, count, given));
+}
+
+#define VARIABLES(type, name, kind)                                                                      \
+    EXPORT int fmi2Get##name(void *component, const unsigned references[], size_t count, type values[])   \
+    {                                                                                                     \
+        return moved(component, kind, references, count, NULL, (void *)values);                           \
+    }                                                                                                     \
+    EXPORT int fmi2Set##name(void *component, const unsigned references[], size_t count,                  \
+                             const type values[])                                                         \
+    {                                                                                                     \
+        return moved(component, kind, references, count, (const void *)values, NULL);                     \
     }
 
-MOVE(fmi2GetReal, double, GET_REAL)
-MOVE(fmi2GetInteger, int, GET_INTEGER)
-MOVE(fmi2GetBoolean, int, GET_BOOLEAN)
-MOVE(fmi2GetString, const char *, GET_STRING)
-MOVE(fmi2SetReal, const double, SET_REAL)
-MOVE(fmi2SetInteger, const int, SET_INTEGER)
-MOVE(fmi2SetBoolean, const int, SET_BOOLEAN)
-
-EXPORT int fmi2SetString(void *component, const unsigned references[], size_t count, const char *const values[])
-{
-    for (size_t i = 0; component != NULL && values != NULL && i < count; ++i)
-        if (values[i] == NULL)
-            return refused(begun(component), "A string is a null pointer.");
-    return moved(component, SET_STRING, references, count, (void *)values);
-}
+typedef const char *String;
+VARIABLES(double, Real, REAL)
+VARIABLES(int, Integer, INTEGER)
+VARIABLES(int, Boolean, BOOLEAN)
+VARIABLES(String, String, STRING)
 
 /* States: what the host holds is an entry of a list, so that what is not one of them is found out. */
 
@@ -380,41 +326,44 @@ static State *known(Front *front, const void *state)
     return entry;
 }
 
-/* Keeps a state that PythonFMU has made and hands it out; one that was given to be replaced is freed. */
-static int kept(Front *front, int status, void *inner, void **state)
+/* Keeps a state and hands it out; one that was given to be replaced is freed. */
+static int kept(Front *front, void *content, void **state)
 {
-    State *const entry = status < DISCARD ? malloc(sizeof *entry) : NULL;
-    if (entry == NULL)
-        return status < DISCARD ? refused(front, "Out of memory.") : status;
+    State *const entry = malloc(sizeof *entry);
+    if (entry == NULL) {
+        slave_release(content);
+        return refused(front, "Out of memory.");
+    }
     for (State *old = front->states; old != NULL; old = old->next)
         if (old == *state) {
             free_state(front, old);
             break;
         }
-    *entry = (State){inner, front->states};
+    *entry = (State){content, NULL, front->states};
     front->states = entry;
     *state = entry;
-    return status;
+    return judged(front, 1);
 }
 
 EXPORT int fmi2GetFMUstate(void *component, void **state)
 {
     Front *const front = begun(component);
-    void *inner = NULL;
+    void *content = NULL;
     if (front == NULL)
         return ERROR;
     if (state == NULL)
         return refused(front, "There is no place for a state at a null pointer.");
-    const int status = ((int (*)(void *, void **))function[GET_STATE])(front->inner, &inner);
-    return judged(front, kept(front, status, inner, state));
+    return slave_state(&front->slave, &content) ? kept(front, content, state) : ERROR;
 }
 
 EXPORT int fmi2SetFMUstate(void *component, void *state)
 {
     Front *const front = begun(component);
     State *const entry = front != NULL ? known(front, state) : NULL;
-    return entry == NULL ? ERROR
-                         : judged(front, ((int (*)(void *, void *))function[SET_STATE])(front->inner, entry->inner));
+    if (entry == NULL)
+        return ERROR;
+    front->discarded = 0;
+    return judged(front, slave_restore(&front->slave, entry->content));
 }
 
 EXPORT int fmi2FreeFMUstate(void *component, void **state)
@@ -424,16 +373,20 @@ EXPORT int fmi2FreeFMUstate(void *component, void **state)
         return ERROR;
     if (state == NULL || *state == NULL) /* nothing to free, by the standard */
         return OK;
-    if (known(front, *state) == NULL)
+    State *const entry = known(front, *state);
+    if (entry == NULL)
         return ERROR;
-    free_state(front, *state);
+    free_state(front, entry);
     *state = NULL;
-    return judged(front, OK);
+    return OK;
 }
 
-static int size_of(Front *front, const State *entry, size_t *size)
+/* The serialised form of a state; NULL where there is none. */
+static const char *serialised(Front *front, State *entry, size_t *size)
 {
-    return ((int (*)(void *, void *, size_t *))function[SIZE])(front->inner, entry->inner, size);
+    if (entry->bytes == NULL && !slave_serialise(&front->slave, entry->content, &entry->bytes))
+        return NULL;
+    return slave_bytes(entry->bytes, size);
 }
 
 EXPORT int fmi2SerializedFMUstateSize(void *component, void *state, size_t *size)
@@ -444,7 +397,7 @@ EXPORT int fmi2SerializedFMUstateSize(void *component, void *state, size_t *size
         return ERROR;
     if (size == NULL)
         return refused(front, "There is no place for a size at a null pointer.");
-    return judged(front, size_of(front, entry, size));
+    return judged(front, serialised(front, entry, size) != NULL);
 }
 
 EXPORT int fmi2SerializeFMUstate(void *component, void *state, char bytes[], size_t size)
@@ -454,23 +407,26 @@ EXPORT int fmi2SerializeFMUstate(void *component, void *state, char bytes[], siz
     size_t needed = 0;
     if (entry == NULL)
         return ERROR;
-    if (bytes == NULL || size_of(front, entry, &needed) != OK || size < needed)
+    const char *const content = serialised(front, entry, &needed);
+    if (content == NULL)
+        return ERROR;
+    if (bytes == NULL || size < needed)
         return refused(front, "The state takes %zu bytes, and %zu were given.", needed, bytes == NULL ? 0 : size);
-    typedef int Serialise(void *, void *, char *, size_t);
-    return judged(front, ((Serialise *)function[SERIALISE])(front->inner, entry->inner, bytes, needed));
+    memcpy(bytes, content, needed);
+    slave_release(entry->bytes);
+    entry->bytes = NULL;
+    return judged(front, 1);
 }
 
 EXPORT int fmi2DeSerializeFMUstate(void *component, const char bytes[], size_t size, void **state)
 {
     Front *const front = begun(component);
-    void *inner = NULL;
+    void *content = NULL;
     if (front == NULL)
         return ERROR;
     if (bytes == NULL || state == NULL)
         return refused(front, "There are no bytes, or no place for a state, at a null pointer.");
-    typedef int Deserialise(void *, const char *, size_t, void **);
-    const int status = ((Deserialise *)function[DESERIALISE])(front->inner, bytes, size, &inner);
-    return judged(front, kept(front, status, inner, state));
+    return slave_read(&front->slave, bytes, size, &content) ? kept(front, content, state) : ERROR;
 }
 
 /* Steps */
@@ -478,12 +434,15 @@ EXPORT int fmi2DeSerializeFMUstate(void *component, const char bytes[], size_t s
 EXPORT int fmi2DoStep(void *component, double time, double step, int no_state_before)
 {
     Front *const front = begun(component);
+    int done = 0;
+    (void)no_state_before;
     if (front == NULL)
         return ERROR;
-    typedef int Step(void *, double, double, int);
-    const int status = ((Step *)function[STEP])(front->inner, time, step, no_state_before);
-    front->discarded = status >= DISCARD;
-    return status;
+    if (!slave_step(&front->slave, time, step, &done))
+        return ERROR;
+    front->discarded = !done;
+    front->last = done ? time + step : time;
+    return done ? OK : DISCARD;
 }
 
 EXPORT int fmi2GetRealStatus(void *component, int kind, double *value)
@@ -493,7 +452,8 @@ EXPORT int fmi2GetRealStatus(void *component, int kind, double *value)
         return ERROR;
     if (kind != LAST_TIME || value == NULL)
         return refused(front, "fmi2GetRealStatus tells the last successful time only.");
-    return ((int (*)(void *, int, double *))function[REAL_STATUS])(front->inner, kind, value);
+    *value = front->last;
+    return OK;
 }
 
 EXPORT int fmi2GetBooleanStatus(void *component, int kind, int *value)

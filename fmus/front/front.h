@@ -1,4 +1,5 @@
-/* The binary that an FMU shows to its host: it stands before that of PythonFMU and makes up for what that one lacks. */
+/* The binary of the FMUs on Linux: the functions of FMI 2.0 (fmi2.c), an object of Python behind each instance
+   (slave.c), and Python itself, which it starts where the host has none (python.c). */
 
 #ifndef KITECOSIM_FRONT_H
 #define KITECOSIM_FRONT_H
@@ -8,5 +9,37 @@
 /* Makes Python callable in this process, unless it is already, and returns 1. Otherwise returns 0 with one sentence
    in `why`, of at most `size` bytes with its end. */
 int front_start_python(char *why, size_t size);
+
+/* Called for every message of a slave: an fmi2Status, a log category, and a text in which per cent signs are doubled. */
+typedef void Hear(void *environment, int status, const char *category, const char *text);
+
+/* An instance of a slave class of fmus/adapter.py; `object` and `queue` are Python's. */
+typedef struct {
+    void *object;
+    void *queue; /* its list of messages */
+    Hear *hear;
+    void *environment;
+} Slave;
+
+/* What a variable is, as fmus/adapter.py names it. */
+typedef enum { REAL, INTEGER, BOOLEAN, STRING } Kind;
+
+/* All return 1, or 0 if Python raised; what it raised is heard as fmi2Error. None may be called with an `object` of
+   NULL, but for the first. */
+int slave_make(Slave *slave, const char *name, const char *resources, int visible);
+void slave_free(Slave *slave);
+int slave_call(Slave *slave, const char *method);
+int slave_setup(Slave *slave, double start);
+int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values);
+int slave_take(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values);
+int slave_step(Slave *slave, double time, double step, int *done);
+
+/* States: references to objects of Python, to be given back. */
+int slave_state(Slave *slave, void **state);
+int slave_restore(Slave *slave, void *state);
+int slave_serialise(Slave *slave, void *state, void **bytes);
+int slave_read(Slave *slave, const char *bytes, size_t size, void **state);
+void slave_release(void *object);
+const char *slave_bytes(void *bytes, size_t *size);
 
 #endif

@@ -3,9 +3,12 @@
 import shutil
 
 import fmpy
+import pytest
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
+ERROR = 3  # fmi2Status
 LOGS = {}  # environment -> messages; fmpy's proxy keeps one logger for the process, so that this one serves all
 
 
@@ -56,6 +59,16 @@ class Importer:
             given = list(value) if isinstance(value, list | tuple) else [value] * len(names)
             convert = float if self.types[names[0]] == "Real" else int
             self._of_type("set", names)([self.references[n] for n in names], [convert(x) for x in given])
+
+    def refused(self, **values):
+        """Set values that must be refused; the sentence that is logged."""
+        count = len(self.log)
+        with pytest.raises(FMICallException) as caught:
+            self.set(**values)
+        assert caught.value.status == ERROR
+        ((status, sentence),) = self.log[count:]
+        assert status == ERROR
+        return sentence
 
     def get(self, block):
         names = self.names(block)

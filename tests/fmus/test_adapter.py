@@ -163,13 +163,26 @@ def test_a_state_that_cannot_be_read_discards_steps_until_a_good_one_is_restored
     good = toy.slave.getFMUstate()
     expected = responses(toy, LOADS)
     bad = toy.slave.deSerializeFMUstate(content)
-    toy.slave.setFMUstate(bad)
-    assert toy.log[-1][0] == ERROR
+    with pytest.raises(FMICallException, match="fmi2SetFMUstate"):
+        toy.slave.setFMUstate(bad)
+    assert toy.log[-1] == (ERROR, "The bytes are not a serialised state of this FMU, or were changed.")
     assert [step(toy), step(toy)] == [DISCARD, DISCARD]
     toy.slave.setFMUstate(good)
     assert responses(toy, LOADS) == expected
     for state in (good, bad):
         toy.slave.freeFMUstate(state)
+
+
+def test_a_serialised_state_of_which_one_byte_was_changed_is_not_taken(toy):
+    state = toy.slave.getFMUstate()
+    content = bytearray(toy.slave.serializeFMUstate(state))
+    for place in (0, 20, len(content) // 2, len(content) - 1):
+        changed = content.copy()
+        changed[place] ^= 1
+        with pytest.raises(FMICallException, match="fmi2SetFMUstate"):
+            toy.slave.setFMUstate(toy.slave.deSerializeFMUstate(bytes(changed)))
+    toy.slave.setFMUstate(toy.slave.deSerializeFMUstate(bytes(content)))
+    assert step(toy) == 0
 
 
 @pytest.mark.parametrize(
@@ -191,41 +204,96 @@ def test_a_step_that_raises_is_discarded_with_its_sentence_and_the_host_goes_on(
     assert step(toy) == 0
 
 
-@pytest.mark.parametrize(("name", "value"), [("load", float("nan")), ("gain", float("inf")), ("gain", 1001.0)])
-def test_a_value_that_the_core_refuses_discards_the_step_and_a_good_one_repairs_it(toy, toy_path, name, value):
+REFUSED = [
+    ("load", [1.0, 2.0, float("nan"), 4.0, 5.0, 6.0], "load[1,3] must be finite, not nan; it stays 0 N."),
+    ("load", float("-inf"), "load[1,1] must be finite, not -inf; it stays 0 N."),
+    ("gain", float("inf"), "gain must be finite, not inf; it stays 0.3 m/N."),
+    ("gain", -1.0, "gain must be at least 0 m/N, not -1; it stays 0.3 m/N."),
+    ("gain", 1001.0, "gain must be finite and a gain at most 1000."),  # by the core, which knows more than the bounds
+    ("trouble", 4, "trouble must be between 0 and 3, not 4; it stays 0."),
+]
+
+
+@pytest.mark.parametrize(("name", "value", "sentence"), REFUSED)
+def test_a_value_that_does_not_fit_is_refused_where_it_is_set_and_the_old_one_stays(
+    toy, toy_path, name, value, sentence
+):
     with Importer(toy_path) as untouched:
         expected = responses(untouched, LOADS)
-    good = toy.get(name)
-    toy.set(**{name: value})
-    assert [step(toy), step(toy)] == [DISCARD, DISCARD]
-    assert toy.log[-1] == (DISCARD, f"{name} must be finite and a gain at most 1000.")
-    toy.set(**{name: good})
-    assert responses(toy, LOADS) == expected
+    before = toy.get(name)
+    assert toy.refused(**{name: value}) == sentence
+    assert toy.get(name) == before
+    assert step(toy) == DISCARD  # for importers that do not look at what setting returns
+    assert toy.log[-1] == (DISCARD, sentence)
+    assert responses(toy, LOADS) == expected  # nothing has to be repaired
+
+
+def test_a_vector_that_the_core_refuses_as_a_whole_has_its_old_values_after_the_discarded_step(toy_path, scene_paths):
+    with Importer(scene_paths[1]) as aero:
+        before = aero.get("wind_direction")
+        reference = [aero.references[name] for name in aero.names("wind_direction")]
+        for place in reference:  # one by one, so that it is zero in between
+            aero.slave.setReal([place], [0.0])
+        assert step(aero) == DISCARD
+        assert aero.log[-1][1].startswith("wind_direction must not be zero")
+        assert aero.get("wind_direction") == before
+        assert step(aero) == 0
+        for place, value in zip(reference, [0.0, 0.0, 1.0], strict=True):
+            aero.slave.setReal([place], [value])
+        assert step(aero) == 0
+        assert aero.get("wind_direction") == [0.0, 0.0, 1.0]
+
+
+def test_a_tunable_parameter_acts_from_the_next_step_on(toy):
+    toy.set(load=1.0)
+    assert step(toy) == 0
+    toy.set(gain=2.0)
+    assert toy.get("position") == [np.sin(0.1 + 0.2)] * 6
+    assert step(toy) == 0
+    assert toy.get("position") == [np.sin(0.5 * (0.1 + 0.2) + 2.0)] * 6
 
 
 def test_a_bad_start_value_is_logged_and_discards_the_first_step(toy_path):
     with Importer(toy_path, initialise=False) as toy:
-        toy.set(gain=1001.0)
+        assert toy.refused(gain=1001.0) == "gain must be finite and a gain at most 1000."
         toy.slave.exitInitializationMode()
-        assert toy.log[-1] == (ERROR, "gain must be finite and a gain at most 1000.")
-        assert step(toy) == DISCARD
+        assert toy.get("gain") == [0.1 + 0.2]
+        assert [step(toy), step(toy)] == [DISCARD, 0]
 
 
-@pytest.mark.parametrize("block", ["position", "scale"])
-def test_an_output_or_a_fixed_parameter_keeps_its_value_and_setting_it_discards_one_step(toy, block):
+@pytest.mark.parametrize(
+    ("block", "why"), [("position", "an output"), ("scale", "a fixed parameter, set before initialisation")]
+)
+def test_an_output_or_a_fixed_parameter_keeps_its_value_and_setting_it_discards_one_step(toy, block, why):
     before = toy.get(block)
-    toy.set(**{block: 8.0})
+    assert toy.refused(**{block: 8.0}) == f"{block} cannot be set: it is {why}."
     assert toy.get(block) == before
-    assert toy.log[-1][0] == ERROR
-    assert block in toy.log[-1][1]
     assert [step(toy), step(toy)] == [DISCARD, 0]
 
 
 def test_a_value_reference_that_does_not_exist_is_logged_not_fatal(toy):
-    assert np.isnan(toy.slave.getReal([0, 9999])).all()
-    toy.slave.setReal([9999], [1.0])
-    assert [status for status, _ in toy.log] == [ERROR, ERROR]
+    for verb, arguments in (("get", ([0, 9999],)), ("set", ([9999], [1.0]))):
+        with pytest.raises(FMICallException, match="error"):
+            getattr(toy.slave, f"{verb}Real")(*arguments)
+        assert toy.log[-1] == (ERROR, "Value references go from 0 to 23.")
     assert [step(toy), step(toy)] == [DISCARD, 0]
+
+
+@pytest.mark.parametrize(("name", "kind"), [("active", "Real"), ("gain", "Boolean"), ("trouble", "Real")])
+def test_a_variable_is_set_and_got_as_the_type_that_it_has(toy, name, kind):
+    own = toy.types[name]
+    for verb, arguments in (("get", ([toy.references[name]],)), ("set", ([toy.references[name]], [1]))):
+        with pytest.raises(FMICallException, match="error"):
+            getattr(toy.slave, f"{verb}{kind}")(*arguments)
+        assert toy.log[-1] == (ERROR, f"{name} is of type {own}: it is set and got as such, not as {kind}.")
+
+
+@pytest.mark.parametrize(("t", "dt"), [(0.0, 0.0), (0.0, -1.0), (float("nan"), 1.0), (0.0, float("inf"))])
+def test_a_step_that_does_not_go_forward_in_time_is_discarded(toy, t, dt):
+    with pytest.raises(FMICallException, match="discard"):
+        toy.slave.doStep(t, dt)
+    assert toy.log[-1][1].startswith("A step from")
+    assert step(toy) == 0
 
 
 def test_a_reset_instance_starts_again(toy):

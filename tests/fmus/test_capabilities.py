@@ -97,9 +97,9 @@ def test_there_are_no_derivatives_and_no_steps_to_cancel(toy):
 def test_a_string_is_refused_by_a_sentence_and_not_by_the_end_of_the_process(toy):
     reference, one = (ctypes.c_uint * 1)(0), ctypes.c_size_t(1)
     text = (ctypes.c_char_p * 1)(b"text")
-    assert call(toy, "fmi2GetString", reference, one, text) == OK
+    assert call(toy, "fmi2GetString", reference, one, text) == ERROR
     assert text[0] == b""
-    assert call(toy, "fmi2SetString", reference, one, text) == OK
+    assert call(toy, "fmi2SetString", reference, one, text) == ERROR
     assert toy.log == [(ERROR, "There are no String variables.")] * 2
     assert [step(toy, 0.0), step(toy, 0.0)] == [DISCARD, OK]
 
@@ -125,7 +125,8 @@ def test_a_log_category_that_is_offered_is_logged_when_chosen_and_else_not(toy, 
     assert (
         call(toy, "fmi2SetDebugLogging", int(chosen is not None), ctypes.c_size_t(len(chosen or "") > 0), names) == OK
     )
-    toy.set(position=1.0)  # refused at once
+    place, one = (ctypes.c_uint * 1)(toy.references["position[1,1]"]), ctypes.c_size_t(1)
+    assert call(toy, "fmi2SetReal", place, one, (ctypes.c_double * 1)(1.0)) == ERROR  # refused at once
     assert step(toy, 0.0) == DISCARD
     assert [status for status, _ in toy.log] == {"logStatusDiscard": [DISCARD], "logStatusError": [ERROR]}.get(
         chosen, []
@@ -138,7 +139,7 @@ def test_a_state_holds_whether_start_values_may_still_be_set(toy_path):
         initialising = toy.slave.getFMUstate()
         toy.slave.exitInitializationMode()
         running = toy.slave.getFMUstate()
-        toy.set(scale=[2.0, 2.0, 2.0])
+        toy.refused(scale=[2.0, 2.0, 2.0])
         assert step(toy, 0.0) == DISCARD  # fixed by now
         toy.slave.setFMUstate(initialising)
         toy.set(scale=[3.0, 3.0, 3.0])
@@ -146,7 +147,7 @@ def test_a_state_holds_whether_start_values_may_still_be_set(toy_path):
         toy.slave.setFMUstate(running)
         assert toy.get("offset") == [0.1 + 0.2] * 3
         assert step(toy, 0.0) == OK
-        toy.set(scale=[2.0, 2.0, 2.0])
+        toy.refused(scale=[2.0, 2.0, 2.0])
         refused = toy.slave.getFMUstate()
         assert [step(toy, 1.0), step(toy, 1.0)] == [DISCARD, OK]
         toy.slave.setFMUstate(refused)
