@@ -54,10 +54,10 @@ static const char MAKE[] =
     "sys.path.insert(0, resources)\n"
     "try:\n"
     "    from fmus.instance import instance\n"
+    "    made = instance(resources, name, bool(visible))\n"
     "finally:\n"
     "    if resources in sys.path:\n"
-    "        sys.path.remove(resources)\n"
-    "made = instance(resources, name, bool(visible))\n";
+    "        sys.path.remove(resources)\n";
 
 static const char *const KINDS[] = {"real", "integer", "boolean", "string"};
 static const size_t SIZES[] = {sizeof(double), sizeof(int), sizeof(int), 0};
