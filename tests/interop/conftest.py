@@ -46,15 +46,15 @@ class Row:
 
 
 class Shell(Session):
-    """Runs the `sh` blocks of the page as a shell would, with the Python of the tests as that of the project."""
+    """Runs the `sh` blocks of the page, with the Python of the tests as that of the project."""
 
     folder: Path
 
-    def _command(self, line):
-        if not line.strip():
-            return ""
-        done = program(["sh", "-c", line.replace(".venv/bin/", f"{Path(sys.executable).parent}/")], self.folder)
-        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+    def output(self, block):
+        """What a block of commands prints; the first that fails ends it."""
+        commands = block.text.replace(".venv/bin/", f"{Path(sys.executable).parent}/")
+        done = program(["sh", "-ec", commands], self.folder)
+        assert done.returncode == 0, f"{block.text}\n{done.stdout}{done.stderr}"
         return done.stdout
 
 

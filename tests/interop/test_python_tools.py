@@ -13,7 +13,7 @@ TOOLS = [
     ("fmpy", "fmpy", "fmpy", "kite_fmpy.csv", "serial"),
     ("libcosimpy", "libcosimpy", "libcosimpy.CosimExecution", "kite_libcosimpy.csv", "parallel"),
     ("ecospy", "ecospy", "ecospy", "kite_ecospy.csv", "parallel"),
-    ("fmucontainer", "fmu-manipulation-toolbox", "fmu_manipulation_toolbox", "kite_serial.csv", "serial"),
+    ("fmucontainer", "fmu-manipulation-toolbox", "fmu_manipulation_toolbox", "kite_container.csv", "serial"),
 ]
 
 
