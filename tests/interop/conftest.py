@@ -1,70 +1,12 @@
-"""The pair of FMUs and the scripts that every tool runs, and the table of tools at the end."""
-
-import os
-import subprocess
-import sys
-from dataclasses import dataclass
-from importlib import metadata
-from pathlib import Path
+"""The pair of FMUs and the programs that every tool runs, and the table of tools at the end."""
 
 import pytest
 
-from tests.docs.pages import DOCS, Session, checked, give_files
-
-ROOT = DOCS.parent
-PAGE = DOCS / "use-in-other-tools.md"
-REQUIRE = "KITECOSIM_REQUIRE_INTEROP"  # set to 1, a tool that cannot be run is a failure
-LIMIT = 120  # s a program may take; each takes two
-
-
-@dataclass
-class Row:
-    """A row of the table: how a tool did."""
-
-    tool: str = ""
-    version: str = ""
-    order: str = ""
-    difference: float | None = None
-
-    def of_package(self, tool, package, order, module=None):
-        """A tool that is a Python package; where it cannot be imported, it is not run."""
-        self.tool, self.order = tool, order
-        try:
-            self.version = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            self.not_run(f"{package} is not installed")
-        done = program([sys.executable, "-c", f"import {module or package}"], ROOT)
-        if done.returncode != 0:
-            self.not_run(done.stderr.strip().splitlines()[-1])
-
-    @staticmethod
-    def not_run(reason):
-        """End the test: neither passed nor, unless it is required, failed."""
-        if os.environ.get(REQUIRE) == "1":
-            pytest.fail(f"not run: {reason}")
-        pytest.skip(reason)
-
-
-class Shell(Session):
-    """Runs the `sh` blocks of the page, with the Python of the tests as that of the project."""
-
-    folder: Path
-
-    def output(self, block):
-        """What a block of commands prints; the first that fails ends it."""
-        commands = block.text.replace(".venv/bin/", f"{Path(sys.executable).parent}/")
-        done = program(["sh", "-ec", commands], self.folder)
-        assert done.returncode == 0, f"{block.text}\n{done.stdout}{done.stderr}"
-        return done.stdout
-
-
-def program(command, folder, environment=None):
-    """A finished program, its output as text. It finds the packages of this checkout, whatever is installed."""
-    if environment is None:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT, check=False
-    )
+import fmus.builder
+from tests.docs.pages import checked, give_files
+from tests.interop import reference
+from tests.interop.c_host import compiled, lacking, wiring
+from tests.interop.tools import PAGE, Row, Shell
 
 
 @pytest.fixture(scope="session")
@@ -75,6 +17,26 @@ def shell(tmp_path_factory):
     give_files(PAGE, session.folder)
     assert not checked(PAGE, session, "The pair")
     return session
+
+
+@pytest.fixture(scope="session")
+def host(tmp_path_factory):
+    """The compiled host; without a compiler, a test of it is not run."""
+    if reason := lacking("PythonFMU"):
+        Row.not_run(reason)
+    return compiled(tmp_path_factory.mktemp("host"))
+
+
+@pytest.fixture(scope="session")
+def wired(shell, tmp_path_factory):
+    """The wiring of the pair, and of the same pair with PythonFMU's binary, by name."""
+    folder = tmp_path_factory.mktemp("python fmu")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fmus.builder, "own_binary", lambda: None)
+        built = fmus.builder.build(reference.scene(), folder, {"wind_speed": reference.WIND})
+    plain = dict(zip(("structural", "aero"), built, strict=True))
+    own = {side: shell.folder / f"my_fmus/v3_kite_{side}.fmu" for side in plain}
+    return {"own": wiring(tmp_path_factory.mktemp("own"), own), "PythonFMU": wiring(folder, plain)}
 
 
 @pytest.fixture

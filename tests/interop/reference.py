@@ -2,10 +2,10 @@
 
 The orders of exchange:
 
-serial      flow, its loads to the structure, structure, its displacement to the flow (Gauss-Seidel)
-parallel    both at once, then all values go over (Jacobi); before the first step the flow gets the displacement of the
-            structure as it starts, and the structure the loads on that wing
-undeformed  parallel, but the first loads are those on the wing without any displacement
+serial                  flow, its loads to the structure, structure, its displacement to the flow (Gauss-Seidel)
+parallel                both at once, then all values go over (Jacobi); before the first step the flow gets the
+                        displacement of the structure as it starts, and the structure the loads on that wing
+parallel, undeformed    as parallel, but the first loads are those on a wing without any displacement
 """
 
 import csv
@@ -62,7 +62,7 @@ def trajectory(order, steps=STEPS, tune=None):
         for name in LOADS:
             structural.set(name, aero.get(name))
 
-    if order == "undeformed":
+    if order == "parallel, undeformed":
         aero.set("displacement", np.zeros_like(structural.get("displacement")))
     elif order == "parallel":
         displace()
