@@ -83,7 +83,7 @@ def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, paramet
     return archive(name, instance, resources, scene)
 
 
-def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes], scene: Scene | None = None) -> bytes:
+def archive(name: str, instance: CoreFmu, resources: dict[str, bytes], scene: Scene | None = None) -> bytes:
     """A complete FMU that makes instances of the class of `instance`, whose start values go into its description.
 
     `resources` (path -> content) are added to the project's packages and to PythonFMU. The documentation tells what
@@ -91,14 +91,11 @@ def archive(name: str, instance: CoreFmu, resources: Mapping[str, bytes], scene:
     """
     identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
     identifier = f"_{identifier}" if identifier[:1].isdigit() else identifier
-    module = importlib.util.find_spec(type(instance).__module__)
-    if module is None or module.origin is None:
-        raise ValueError(f"The source file of {type(instance).__name__} is not found.")
-    script = Path(module.origin)
-    files = {f"resources/{path}": content for path, content in resources.items()}
-    files |= {f"resources/{path}": content for path, content in _package_sources().items()}
-    files[f"resources/{script.name}"] = script.read_bytes()
-    files["resources/slavemodule.txt"] = script.stem.encode()
+    files = {f"resources/{path}": content for path, content in (resources | _package_sources()).items()}
+    script = _script(type(instance))
+    stem = script.rpartition("/")[2].removesuffix(".py")
+    files[f"resources/{stem}.py"] = files.get(f"resources/{script}") or Path(script).read_bytes()
+    files["resources/slavemodule.txt"] = stem.encode()
     files |= {f"binaries/{path}": content for path, content in _binaries(identifier).items()}
     files["documentation/index.html"] = page(instance, scene).encode()
     files |= {f"documentation/licenses/{name}": text for name, text in _licences().items()}
@@ -116,6 +113,17 @@ def _pythonfmu() -> Path:
         if (place / BINARIES).is_dir():
             return place
     raise ValueError("The binaries of PythonFMU are not found; install pythonfmu to build FMUs.")
+
+
+def _script(slave: type[CoreFmu]) -> str:
+    """Where the source of a class of slaves is: among the packages that FMUs carry, or elsewhere."""
+    package, _, name = slave.__module__.rpartition(".")
+    if package == "fmus":
+        return f"fmus/{name}.py"
+    module = importlib.util.find_spec(slave.__module__)
+    if module is None or module.origin is None:
+        raise ValueError(f"The source file of {slave.__name__} is not found.")
+    return module.origin
 
 
 def _binaries(identifier: str) -> dict[str, bytes]:

@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ def instance(resources: str, name: str, visible: bool) -> Any:
         spec = importlib.util.spec_from_file_location(stem, folder / f"{stem}.py")
         if spec is None or spec.loader is None:
             raise ImportError(f"The FMU has no script {stem}.py.")
-        module = importlib.util.module_from_spec(spec)
+        module = sys.modules[stem] = importlib.util.module_from_spec(spec)  # where states find their classes
         spec.loader.exec_module(module)
     own = [value for value in vars(module).values() if isinstance(value, type) and value.__module__ == module.__name__]
     slaves = [value for value in own if hasattr(value, "do_step")]

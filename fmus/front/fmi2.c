@@ -291,6 +291,8 @@ static int moved(void *component, Kind kind, const unsigned *references, size_t 
         return OK;
     if (references == NULL || (given == NULL && taken == NULL))
         return refused(front, "There are no value references or no values at a null pointer.");
+    for (size_t i = 0; kind == STRING && taken != NULL && i < count; ++i)
+        ((const char **)taken)[i] = "";
     if (kind == STRING)
         return refused(front, "There are no String variables.");
     return judged(front, taken != NULL ? slave_take(&front->slave, kind, references, count, taken)

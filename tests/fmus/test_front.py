@@ -1,0 +1,211 @@
+"""The binary of the FMUs: what it does with what no host should pass, and an FMU without it."""
+
+import ctypes
+import gc
+import shutil
+import sys
+
+import fmpy
+import pytest
+from fmpy.fmi1 import FMICallException
+
+from fmus import builder
+from tests.fmus.importer import Importer
+from tests.fmus.test_capabilities import call, step
+from tests.fmus.toy_fmu import SAVED, Toy, ToyFmu
+
+OK, DISCARD, ERROR = 0, 2, 3
+TERMINATED = 3  # fmi2StatusKind
+
+
+@pytest.fixture
+def toy(toy_path):
+    if builder.own_binary() is None:
+        pytest.skip("not run: no C compiler was there when the project was installed")
+    with Importer(toy_path) as importer:
+        yield importer
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments"),
+    [
+        ("fmi2GetReal", (None, ctypes.c_size_t(3), None)),
+        ("fmi2SetReal", ((ctypes.c_uint * 1)(0), ctypes.c_size_t(1), None)),
+        ("fmi2GetFMUstate", (None,)),
+        ("fmi2SetFMUstate", (None,)),
+        ("fmi2SetFMUstate", (ctypes.c_void_p(8),)),
+        ("fmi2FreeFMUstate", (ctypes.byref(ctypes.c_void_p(8)),)),
+        ("fmi2SerializedFMUstateSize", (ctypes.c_void_p(8), None)),
+        ("fmi2DeSerializeFMUstate", (None, ctypes.c_size_t(5), None)),
+        ("fmi2SetDebugLogging", (1, ctypes.c_size_t(2), None)),
+        ("fmi2GetRealStatus", (0, None)),
+        ("fmi2GetBooleanStatus", (0, None)),
+        ("fmi2GetStatus", (0, None)),
+        ("fmi2EnterInitializationMode", ()),
+        ("fmi2ExitInitializationMode", ()),
+        ("fmi2SetupExperiment", (0, ctypes.c_double(0), ctypes.c_double(0), 0, ctypes.c_double(0))),
+    ],
+)
+def test_a_call_that_no_host_should_make_is_an_error_with_a_sentence_and_changes_nothing(toy, function, arguments):
+    assert call(toy, function, *arguments) == ERROR
+    assert [status for status, _ in toy.log] == [ERROR]
+    assert toy.log[0][1].endswith(".")
+    assert step(toy, 0.0) in (OK, DISCARD)  # discarded where the slave has refused the call itself
+    assert step(toy, 0.0) == OK
+
+
+def test_every_function_takes_a_null_pointer_for_an_instance(toy):
+    for name in dir(toy.slave):
+        if name.startswith("fmi2") and name not in ("fmi2Instantiate", "fmi2GetVersion", "fmi2GetTypesPlatform"):
+            function = getattr(toy.slave.dll, name)
+            status = function(None, *[kind() for kind in function.argtypes[1:]])
+            assert name == "fmi2FreeInstance" or status == ERROR, name
+
+
+def test_no_state_and_nothing_at_all_may_be_freed(toy):
+    assert call(toy, "fmi2FreeFMUstate", None) == OK
+    nothing = ctypes.c_void_p()
+    assert call(toy, "fmi2FreeFMUstate", ctypes.byref(nothing)) == OK
+
+
+def test_a_state_is_freed_once_and_no_state_outlives_its_instance(toy_path):
+    gc.collect()
+    before = len(SAVED)
+    with Importer(toy_path) as toy:
+        saved = sys.modules["toy_fmu"].SAVED
+        state = toy.slave.getFMUstate()
+        copy = ctypes.c_void_p(state.value)
+        toy.slave.freeFMUstate(state)
+        for _ in range(2):
+            assert call(toy, "fmi2FreeFMUstate", ctypes.byref(ctypes.c_void_p(copy.value))) == ERROR
+            assert call(toy, "fmi2SetFMUstate", copy) == ERROR
+        for _ in range(10):
+            toy.slave.getFMUstate()  # and forgotten by the host
+        assert len(saved) == before * (saved is SAVED) + 10
+    gc.collect()
+    assert len(saved) == before * (saved is SAVED)
+
+
+def test_a_state_given_to_be_replaced_is_freed(toy):
+    saved = sys.modules["toy_fmu"].SAVED
+    state = ctypes.c_void_p()
+    for _ in range(5):
+        assert call(toy, "fmi2GetFMUstate", ctypes.byref(state)) == OK
+        gc.collect()
+        assert len(saved) == 1
+    toy.slave.freeFMUstate(state)
+
+
+def test_a_state_is_not_written_past_the_end_of_the_memory_that_is_given(toy):
+    state = toy.slave.getFMUstate()
+    size = len(toy.slave.serializeFMUstate(state))
+    memory = (ctypes.c_char * (size + 8))(*[b"x"] * (size + 8))
+    assert call(toy, "fmi2SerializeFMUstate", state, memory, ctypes.c_size_t(size - 1)) == ERROR
+    assert memory.raw == b"x" * (size + 8)
+    assert toy.log[-1] == (ERROR, f"The state takes {size} bytes, and {size - 1} were given.")
+    assert call(toy, "fmi2SerializeFMUstate", state, memory, ctypes.c_size_t(size + 8)) == OK
+    assert memory.raw[size:] == b"x" * 8
+    toy.slave.freeFMUstate(state)
+
+
+def test_the_fmu_asks_to_terminate_after_a_discarded_step_and_no_longer_after_a_good_one(toy):
+    def terminated():
+        value = ctypes.c_int(-1)
+        assert call(toy, "fmi2GetBooleanStatus", TERMINATED, ctypes.byref(value)) == OK
+        return value.value
+
+    assert step(toy, 0.0) == OK
+    assert not terminated()
+    toy.slave.setInteger([toy.references["trouble"]], [1])
+    assert step(toy, 1.0) == DISCARD
+    assert terminated()
+    toy.slave.setInteger([toy.references["trouble"]], [0])
+    assert step(toy, 1.0) == OK
+    assert not terminated()
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "guid", "sentence"),
+    [
+        ("", 1, None, "An instance needs a name that is not empty."),
+        ("x", 0, None, "The FMU is for co-simulation only."),
+        ("x", 1, "{of another}", "The GUID is not that of the FMU's model description."),
+        ("x", 1, "", "The GUID is not that of the FMU's model description."),
+    ],
+)
+def test_an_instance_that_cannot_be_is_refused_with_a_sentence(toy, name, kind, guid, sentence):
+    guid = toy.description.guid if guid is None else guid
+    place = toy.slave.dll.fmi2Instantiate
+    made = place(name.encode(), kind, guid.encode(), b"", ctypes.byref(toy.callbacks), 0, 0)
+    assert not made
+    assert toy.log[-1] == (ERROR, sentence)
+
+
+@pytest.mark.parametrize("folder", ["plain", "with a space", "50 % of l'île", "a%20b"])
+def test_resources_are_found_wherever_they_lie(toy_path, tmp_path, folder):
+    place = tmp_path / folder
+    fmpy.extract(toy_path, place)
+    description = fmpy.read_model_description(place)
+    for uri in ((place / "resources").as_uri(), f"file://localhost{(place / 'resources').as_uri()[7:]}", None):
+        slave = fmpy.fmi2.FMU2Slave(
+            guid=description.guid, modelIdentifier="toy", unzipDirectory=str(place), instanceName="x"
+        )
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        slave.component = slave.dll.fmi2Instantiate(
+            b"x", 1, description.guid.encode(), uri and uri.encode(), ctypes.byref(callbacks), 0, 0
+        )
+        assert slave.component
+        slave.setupExperiment()
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        slave.doStep(0.0, 1.0)
+        slave.freeInstance()
+    shutil.rmtree(place)
+
+
+def test_a_reset_instance_takes_fixed_parameters_again_and_forgets_what_was_set(toy):
+    before = toy.get("load"), toy.get("offset")
+    toy.set(load=3.0)
+    assert step(toy, 0.0) == OK
+    toy.slave.reset()
+    assert (toy.get("load"), toy.get("offset")) == before
+    toy.set(scale=2.0)
+    assert step(toy, 0.0) == DISCARD  # not before it is initialised
+    toy.slave.setupExperiment()
+    toy.slave.enterInitializationMode()
+    toy.slave.exitInitializationMode()
+    assert toy.get("scale") == [2.0] * 3
+    assert step(toy, 0.0) == OK
+
+
+def test_after_its_end_an_instance_takes_and_does_nothing_more_until_it_is_reset(toy):
+    toy.slave.terminate()
+    before = toy.get("load")
+    assert "terminated" in toy.refused(load=1.0)
+    assert toy.get("load") == before
+    assert step(toy, 0.0) == DISCARD
+    with pytest.raises(FMICallException):
+        toy.slave.terminate()
+    toy.slave.reset()
+    toy.slave.setupExperiment()
+    toy.slave.enterInitializationMode()
+    toy.slave.exitInitializationMode()
+    assert step(toy, 0.0) == OK
+
+
+def test_an_fmu_that_was_built_without_a_compiler_works_with_the_binary_of_pythonfmu(monkeypatch, toy_path, tmp_path):
+    monkeypatch.setattr(builder, "own_binary", lambda: None)
+    path = tmp_path / "toy.fmu"
+    path.write_bytes(builder.archive("toy", ToyFmu(Toy(), instance_name="toy"), {}))
+    ends = []
+    for fmu in (path, toy_path):
+        with Importer(fmu) as toy:
+            for t in range(3):
+                toy.set(load=0.5 + t)
+                assert step(toy, float(t)) == OK
+            state = toy.slave.getFMUstate()
+            toy.slave.setFMUstate(toy.slave.deSerializeFMUstate(toy.slave.serializeFMUstate(state)))
+            toy.set(load=-1.0)
+            assert step(toy, 3.0) == OK
+            ends.append((toy.get("position"), toy.get("steps"), toy.get("loaded")))
+    assert ends[0] == ends[1]
