@@ -68,7 +68,7 @@ def program(command, folder, environment=None):
 
 
 def container(folder, name, sides, *options, rows=()):
-    """Path of my_fmus/`name`.fmu, a container that exchanges every second; its FMUs in the order of `sides`."""
+    """Path of a container that exchanges every second, its FMUs in the order of `sides`, and what the build printed."""
     table = ["rule;from_fmu;from_port;to_fmu;to_port", *(f"FMU;v3_kite_{side}.fmu;;;" for side in sides), *rows]
     (folder / "my_fmus" / f"{name}.csv").write_text("\n".join(table) + "\n")
     build = "from fmu_manipulation_toolbox.cli.fmucontainer import fmucontainer; fmucontainer()"
