@@ -59,7 +59,7 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
         contents[f"{scene.name}_{side}"] = _scene_fmu(f"{scene.name}_{side}", slave, cores[side], scene, own)
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
-    return tuple(_written(out / f"{name}.fmu", content) for name, content in contents.items())
+    return tuple(written(out / f"{name}.fmu", content) for name, content in contents.items())
 
 
 def _numbers(name: str, value: Any) -> Any:
@@ -104,7 +104,7 @@ def archive(name: str, instance: CoreFmu, resources: dict[str, bytes], scene: Sc
     for path in sorted(files):
         digest.update(path.encode() + b"\0" + hashlib.sha256(files[path]).digest())
     instance.guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
-    return _zipped({"modelDescription.xml": _description(instance)} | dict(sorted(files.items())))
+    return zipped({"modelDescription.xml": _description(instance)} | dict(sorted(files.items())))
 
 
 def _pythonfmu() -> Path:
@@ -174,7 +174,8 @@ def _description(instance: CoreFmu) -> bytes:
     return text
 
 
-def _zipped(files: Mapping[str, bytes]) -> bytes:
+def zipped(files: Mapping[str, bytes]) -> bytes:
+    """A zip archive of `files` (path -> content) in their order: the same bytes whenever and wherever it is made."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for path, content in files.items():
@@ -186,8 +187,8 @@ def _zipped(files: Mapping[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def _written(path: Path, content: bytes) -> Path:
-    """Write under a temporary name, then rename, so that no half-written FMU is ever seen."""
+def written(path: Path, content: bytes) -> Path:
+    """Write under a temporary name, then rename, so that no half-written file is ever seen."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(content)

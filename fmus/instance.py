@@ -1,9 +1,9 @@
 """What the binary of an FMU (fmus/front/slave.c) asks of Python: an instance, and what it has logged."""
 
 import importlib
-import importlib.util
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 
@@ -17,14 +17,21 @@ def instance(resources: str, name: str, visible: bool) -> Any:
     if (folder / "fmus" / f"{stem}.py").is_file():
         module = importlib.import_module(f"fmus.{stem}")
     else:
-        spec = importlib.util.spec_from_file_location(stem, folder / f"{stem}.py")
-        if spec is None or spec.loader is None:
-            raise ImportError(f"The FMU has no script {stem}.py.")
-        module = sys.modules[stem] = importlib.util.module_from_spec(spec)  # where states find their classes
-        spec.loader.exec_module(module)
+        module = _script(stem, folder / f"{stem}.py")
     own = [value for value in vars(module).values() if isinstance(value, type) and value.__module__ == module.__name__]
     slaves = [value for value in own if hasattr(value, "do_step")]
     return slaves[-1](instance_name=name, resources=resources, visible=visible)
+
+
+def _script(stem: str, path: Path) -> ModuleType:
+    """The module of a script, where states find their classes; the one that is there, if it is of the same text."""
+    text = path.read_text(encoding="utf-8")
+    module = sys.modules.get(stem)
+    if module is None or vars(module).get("_text") != text:
+        module = sys.modules[stem] = ModuleType(stem)
+        vars(module).update(__file__=str(path), _text=text)
+        exec(compile(text, str(path), "exec"), vars(module))
+    return module
 
 
 def drained(queue: list[Any]) -> list[tuple[int, str, str]]:

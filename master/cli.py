@@ -91,11 +91,19 @@ def build(
     scene: SceneArgument,
     out: Annotated[Path, typer.Option(help="Folder for the FMUs.")] = Path("results/fmus"),
     set_: SetOption = None,
+    ssp: Annotated[
+        bool,
+        typer.Option(
+            "--ssp",
+            help="Write SCENE.ssp too: the FMUs, connected, with their parameters in one SSP 1.0 file. A tool that "
+            "opens it runs the explicit scheme at steps of 1 s.",
+        ),
+    ] = False,
 ) -> None:
     """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
     from master.commands import build_scene
 
-    _finish(lambda: build_scene(scene, _assignments(set_), out))
+    _finish(lambda: build_scene(scene, _assignments(set_), out, ssp))
 
 
 @app.command(short_help="Compare coupling schemes on one or more scenes.")

@@ -119,14 +119,23 @@ def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
     return out
 
 
-def build_scene(name: str, assigned: dict[str, str], out: Path) -> int:
-    """Build the two FMUs of a scene; the exit code."""
+def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False) -> int:
+    """Build the two FMUs of a scene, and its SSP if wanted; the exit code."""
     from fmus.builder import build
+    from fmus.ssp import package
 
     scene, given = prepared(name, assigned)
     results_folder(out)
-    for path in build(scene, out, given):
-        print(path)
+    names = [f"{scene.name}{end}" for end in ("_structural.fmu", "_aero.fmu", *([".ssp"] if ssp else []))]
+    if folders := [n for n in names if (out / n).is_dir()]:
+        raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
+    try:
+        paths = build(scene, out, given)
+        for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
+            print(path)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ValueError(f"--out {out} cannot be written to ({reason}); name another one.") from None
     return 0
 
 

@@ -1,0 +1,79 @@
+"""Reference inputs and results that an FMU carries, to see in a tool of one's own that it computes what it should."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fmus.description import scalar_names
+from scenes import Scene
+from scenes.variables import StepFailed, Variable
+
+STEPS = 3  # communication steps of 1 s
+LOADS = ("pressure", "shear", "line_load")
+
+
+def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """Side -> inputs and results of its FMU as CSV texts, from a coupled exchange of the two solvers.
+
+    A row of inputs holds from its time on, for a step of 1 s; a row of results holds at its time, the first after the
+    initialisation; it has the interface, and all outputs but long ones. The flow steps first, as in the explicit
+    scheme. Without a flow the panels are pressed by 1, 2, 3 Pa. Where a solver cannot complete a step the tables end
+    before it. Numbers are exact: the shortest that are read back to the same bits.
+    """
+    cores = scene.cores()
+    for core in cores.values():
+        for variable in core.variables:
+            if variable.name in parameters and variable.causality == "parameter":
+                core.set(variable.name, np.array(parameters[variable.name], dtype=float))
+    inputs: dict[str, list[list[Any]]] = {side: [] for side in cores}
+    results = {side: [_row(core, 0.0, _results(core))] for side, core in cores.items()}
+    structure, flow = cores["structural"], cores.get("aero")
+    try:
+        for k in range(STEPS):
+            if flow is not None:
+                flow.set("displacement", structure.get("displacement"))
+                _stepped(flow, k, inputs["aero"], results["aero"])
+                for name in {v.name for v in flow.variables} & set(LOADS):
+                    structure.set(name, flow.get(name))
+            else:
+                structure.set("pressure", np.full_like(structure.get("pressure"), k + 1.0))
+            _stepped(structure, k, inputs["structural"], results["structural"])
+    except StepFailed:
+        pass  # nothing of the step that failed is in the tables
+    return {
+        side: (_table(_inputs(core), inputs[side]), _table(_results(core), results[side]))
+        for side, core in cores.items()
+    }
+
+
+def _inputs(core: Any) -> list[Variable]:
+    return [v for v in core.variables if v.causality == "input"]
+
+
+def _results(core: Any) -> list[Variable]:
+    outputs = [v for v in core.variables if v.causality == "output"]
+    return [v for v in outputs if v.size <= 3 or v.name in (*LOADS, "displacement")]
+
+
+def _stepped(core: Any, k: int, inputs: list[list[Any]], results: list[list[Any]]) -> None:
+    given = _row(core, float(k), _inputs(core))
+    core.step(float(k), 1.0)
+    inputs.append(given)
+    results.append(_row(core, float(k + 1), _results(core)))
+
+
+def _row(core: Any, time: float, variables: Sequence[Variable]) -> list[Any]:
+    blocks = [np.ravel(core.get(v.name)).tolist() for v in variables]
+    return [time, *(value for block in blocks for value in block)]
+
+
+def _table(variables: Sequence[Variable], rows: Sequence[Sequence[Any]]) -> str:
+    """CSV as in RFC 4180; names have commas, so that they are quoted."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["time", *(name for v in variables for name in scalar_names(v))])
+    writer.writerows(rows)
+    return text.getvalue()
