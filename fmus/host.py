@@ -14,8 +14,8 @@ def host_environment(preload: bool = False) -> dict[str, str]:
 
     Usually that is KITECOSIM_PYTHON alone: the FMUs open the library of that interpreter themselves. `preload` gives
     what any FMU of PythonFMU takes: LD_PRELOAD, PYTHONPATH, and PYTHONHOME, as the library would else look for its
-    modules beside the first python3 in PATH, which may be another. ValueError in one sentence where this interpreter has no
-    shared library, or lacks numpy or scipy.
+    modules beside the first python3 in PATH, which may be another. ValueError in one sentence where this interpreter
+    has no shared library, or lacks numpy or scipy.
     """
     lacking = [name for name in ("numpy", "scipy") if importlib.util.find_spec(name) is None]
     if lacking:
