@@ -1,12 +1,14 @@
 """The pair of FMUs and the programs that every tool runs, and the table of tools at the end."""
 
+import sys
+
 import pytest
 
 import fmus.builder
 from tests.docs.pages import checked, give_files
 from tests.interop import reference
 from tests.interop.c_host import compiled, lacking, wiring
-from tests.interop.tools import PAGE, Row, Shell
+from tests.interop.tools import PAGE, Row, Shell, container, program
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +39,16 @@ def wired(shell, tmp_path_factory):
     plain = dict(zip(("structural", "aero"), built, strict=True))
     own = {side: shell.folder / f"my_fmus/v3_kite_{side}.fmu" for side in plain}
     return {"own": wiring(tmp_path_factory.mktemp("own"), own), "PythonFMU": wiring(folder, plain)}
+
+
+@pytest.fixture(scope="session")
+def flow_first(shell):
+    """A container that steps both at once and lists the flow first: what its build and its run have printed, and the
+    values."""
+    path, built = container(shell.folder, "flow_first", ("aero", "structural"))
+    done = program([sys.executable, "kite_container.py", path, "flow_first.csv"], shell.folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return built, done.stdout, reference.written(shell.folder / "flow_first.csv")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 
 from tests.interop import test_parameters
 from tests.interop.c_host import environment
-from tests.interop.tools import PAGE, Row, container, program
+from tests.interop.tools import PAGE, Row, program
 
 ROW = re.compile(r"^\| `([^`]+)` \|[^|]+\|[^|]+\|$", re.MULTILINE)
 
@@ -102,14 +102,13 @@ class Provoked:
 
     def container_is_built(self):
         Row().of_package("fmucontainer", "fmu-manipulation-toolbox", "", "fmu_manipulation_toolbox")
-        return container(self.shell.folder, "troubled", ("aero", "structural"))[1]
+        return self.request.getfixturevalue("flow_first")[0]
 
     arrays_are_not_exposed = container_is_built
 
     def container_folds_its_tips(self):
-        self.container_is_built()
-        done = program([sys.executable, "kite_container.py", "my_fmus/troubled.fmu", "troubled.csv"], self.shell.folder)
-        return done.stdout
+        Row().of_package("fmucontainer", "fmu-manipulation-toolbox", "", "fmu_manipulation_toolbox")
+        return self.request.getfixturevalue("flow_first")[1]
 
 
 CASES = [name for name in vars(Provoked) if not name.startswith("_")]  # in the order of the table
