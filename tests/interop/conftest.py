@@ -59,14 +59,20 @@ def row(record_property):
     return row
 
 
+def _verdict(outcome, report):
+    if outcome == "skipped":
+        return f"not run: {report.longrepr[2].removeprefix('Skipped: ')}"
+    message = getattr(getattr(report.longrepr, "reprcrash", None), "message", "").removeprefix("Failed: ")
+    return f"{outcome}, {message}" if message.startswith("not run: ") else outcome
+
+
 def pytest_terminal_summary(terminalreporter):
     rows = [("tool", "version", "order", "largest difference", "verdict")]
     for outcome in ("passed", "skipped", "failed", "error"):
         for report in terminalreporter.stats.get(outcome, ()):
             for row in (value for _, value in getattr(report, "user_properties", ()) if isinstance(value, Row)):
                 size = "" if row.difference is None else f"{row.difference:.1e}" if row.difference else "0"
-                verdict = f"not run: {report.longrepr[2]}" if outcome == "skipped" else outcome
-                rows.append((row.tool, row.version, row.order, size, verdict.replace("Skipped: ", "")))
+                rows.append((row.tool, row.version, row.order, size, _verdict(outcome, report)))
     if len(rows) == 1:
         return
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
