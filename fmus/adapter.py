@@ -270,6 +270,10 @@ class CoreFmu(ListSlave):
         except BaseException as error:
             return f"The serialised state cannot be read: {error}"
 
+    def start(self, block: str) -> list[float]:
+        """The present values of a block, in order."""
+        return self._buffer.start()[block]
+
     def to_xml(self, model_options: Mapping[str, Any] | None = None) -> Element:
         """The complete model description; it does not depend on the time of the build."""
         options = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True} | dict(model_options or {})

@@ -24,23 +24,31 @@ import pythonfmu
 from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.description import PROJECT
-from fmus.documentation import page
+from fmus.documentation import external_dependencies, page
+from fmus.picture import icon
+from fmus.reference import reference_tables
 from fmus.sharing import PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
 NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder beside the files that it is made of
 BINARIES = Path("resources", "binaries")
+# What only building needs, and an FMU does not carry.
+BUILDING = {f"fmus/{name}.py" for name in ("builder", "documentation", "host", "picture", "reference", "ssp", "texts")}
+BUILDING |= {f"pythonfmu/{name}.py" for name in ("__main__", "csvbuilder", "deploy")}
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 
 
-def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, ...]:
+def build(
+    scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | None = None, reference: bool = True
+) -> tuple[Path, ...]:
     """Paths of `<scene>_structural.fmu` and, where the scene has a flow, `<scene>_aero.fmu`, written to `out_dir` (made
     when missing).
 
     `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU. A kite
     that is free to pitch starts from its trim angle unless they give one; where there is none, SceneError.
-    ValueError in one sentence for a parameter that neither has, or for a value that a core refuses.
+    `reference` solves some steps for the reference results that an FMU carries. ValueError in one sentence for a
+    parameter that neither has, or for a value that a core refuses.
     """
     given = dict(parameters or {})
     sides: tuple[tuple[str, type[CoreFmu]], ...] = (("structural", StructuralFmu), ("aero", AeroFmu))
@@ -51,12 +59,16 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
         known = ", ".join(sorted(set().union(*names.values()))) or "none"
         raise ValueError(f"Scene {scene.name} has no parameter {unknown[0]!r}; its parameters are {known}.")
     given = scene.with_trim({name: _numbers(name, value) for name, value in given.items()})
+    for side in cores:
+        for name in given.keys() & names[side]:
+            cores[side].set(name, np.array(given[name]))
+    tables = reference_tables(scene, given) if reference else {}
     contents = {}
     for side, slave in sides:
-        own = {name: _numbers(name, value) for name, value in given.items() if name in names[side]}
-        for name, value in own.items():
-            cores[side].set(name, np.array(value))
-        contents[f"{scene.name}_{side}"] = _scene_fmu(f"{scene.name}_{side}", slave, cores[side], scene, own)
+        own = {name: value for name, value in given.items() if name in names[side]}
+        instance = slave(cores[side], instance_name=f"{scene.name}_{side}")
+        instance.description = f"{slave.title} of the scene {scene.name}"
+        contents[f"{scene.name}_{side}"] = _scene_fmu(scene, side, instance, own, tables.get(side))
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
     return tuple(written(out / f"{name}.fmu", content) for name, content in contents.items())
@@ -70,36 +82,48 @@ def _numbers(name: str, value: Any) -> Any:
         raise ValueError(f"Parameter {name!r} takes a number, not {value!r}.") from None
 
 
-def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, parameters: Mapping[str, Any]) -> bytes:
+def _scene_fmu(
+    scene: Scene, side: str, instance: CoreFmu, parameters: Mapping[str, Any], tables: tuple[str, str] | None
+) -> bytes:
     folder = Path(scene.folder).resolve()
     notices = {path.name for pattern in NOTICES for path in folder.glob(pattern)}
     data = {folder / file for file in {*scene.files, *notices}}
-    resources = {f"scene/{folder.name}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in data}
+    files = {f"resources/scene/{folder.name}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in data}
     content = {"folder": f"scene/{folder.name}", "settings": scene.settings, "parameters": parameters}
     text = json.dumps(content, indent=1, sort_keys=True, default=lambda value: value.tolist())
-    resources[SCENE_FILE] = text.encode()
-    instance = slave(core, instance_name=name)
-    instance.description = f"{slave.title} of the scene {scene.name}"
-    return archive(name, instance, resources, scene)
+    files[f"resources/{SCENE_FILE}"] = text.encode()
+    name = instance.modelName = _identifier(f"{scene.name}_{side}")
+    steps = 0
+    if tables is not None:
+        steps = tables[0].count("\n") - 1
+        files |= {f"documentation/{name}_{k}.csv": t.encode() for k, t in zip(("in", "ref"), tables, strict=True)}
+    files["documentation/index.html"] = page(instance, scene, side, steps, own_binary() is not None).encode()
+    files["model.png"] = icon(scene, side)
+    return archive(name, instance, files)
 
 
-def archive(name: str, instance: CoreFmu, resources: dict[str, bytes], scene: Scene | None = None) -> bytes:
+def _identifier(name: str) -> str:
+    """A C identifier."""
+    identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"_{identifier}" if identifier[:1].isdigit() else identifier
+
+
+def archive(name: str, instance: CoreFmu, files: dict[str, bytes]) -> bytes:
     """A complete FMU that makes instances of the class of `instance`, whose start values go into its description.
 
-    `resources` (path -> content) are added to the project's packages and to PythonFMU. The documentation tells what
-    indices count in the `scene`.
+    `files` (path -> content) are added to the project's packages, PythonFMU, binaries and licences.
     """
-    identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
-    identifier = f"_{identifier}" if identifier[:1].isdigit() else identifier
-    files = {f"resources/{path}": content for path, content in (resources | _package_sources()).items()}
+    instance.modelName = identifier = _identifier(name)
+    files = files | {f"resources/{path}": content for path, content in _package_sources().items()}
     script = _script(type(instance))
     stem = script.rpartition("/")[2].removesuffix(".py")
     files[f"resources/{stem}.py"] = files.get(f"resources/{script}") or Path(script).read_bytes()
     files["resources/slavemodule.txt"] = stem.encode()
     files |= {f"binaries/{path}": content for path, content in _binaries(identifier).items()}
-    files["documentation/index.html"] = page(instance, scene).encode()
+    files.setdefault("documentation/index.html", page(instance, own_binary=own_binary() is not None).encode())
+    files["documentation/externalDependencies.txt"] = external_dependencies().encode()
     files |= {f"documentation/licenses/{name}": text for name, text in _licences().items()}
-    instance.modelName, instance.guid = identifier, ""
+    instance.guid = ""
     digest = hashlib.sha256(_description(instance))
     for path in sorted(files):
         digest.update(path.encode() + b"\0" + hashlib.sha256(files[path]).digest())
@@ -143,16 +167,16 @@ def own_binary() -> Path | None:
 
 
 def _package_sources() -> dict[str, bytes]:
-    """Path -> content of every Python file of the project's solver packages and of PythonFMU itself."""
+    """Path -> content of the Python files of the solver packages and of PythonFMU that an FMU needs to run."""
     sources = {}
     for name in (*PACKAGES, "pythonfmu"):
         root = _pythonfmu() if name == "pythonfmu" else Path(__file__).parents[1] / name
         if not root.is_dir():
             raise ValueError(f"The sources in {root} are gone, so that no FMU can carry them; start a new process.")
         for path in root.glob("*.py") if name == "pythonfmu" else root.rglob("*.py"):
-            relative = path.relative_to(root)
-            if "tests" not in relative.parts and "__pycache__" not in relative.parts:
-                sources[f"{name}/{relative.as_posix()}"] = path.read_bytes()
+            inside = f"{name}/{path.relative_to(root).as_posix()}"
+            if inside not in BUILDING and not {"tests", "__pycache__"} & set(path.relative_to(root).parts):
+                sources[inside] = path.read_bytes()
     return sources
 
 

@@ -260,7 +260,7 @@ def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Ite
         if backend == "fmu":
             from fmus.builder import build
 
-            paths = build(scene, out / "fmus", parameters)
+            paths = build(scene, out / "fmus", parameters, reference=False)
             structural, *flow = (stack.enter_context(FmuParticipant(path)) for path in paths)
             yield Coupling(structural, flow[0] if flow else StillAir.beside(structural))
         else:
