@@ -225,8 +225,8 @@ def host_env(
         bool,
         typer.Option(
             "--preload",
-            help="LD_PRELOAD and PYTHONPATH instead, as other FMUs of PythonFMU need them, and FMUs of this project "
-            "that were built without a C compiler at installation.",
+            help="LD_PRELOAD, PYTHONHOME and PYTHONPATH instead, as other FMUs of PythonFMU need them, and FMUs of "
+            "this project that were built without a C compiler at installation.",
         ),
     ] = False,
 ) -> None:
