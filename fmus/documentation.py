@@ -19,11 +19,13 @@ INTERFACE = ("displacement", "pressure", "shear", "line_load")
 Rows = Iterable[Sequence[Any]]
 
 
-def page(instance: CoreFmu, scene: Scene | None = None, side: str = "", steps: int = 0, own_binary: bool = True) -> str:
+def page(
+    instance: CoreFmu, scene: Scene | None = None, side: str = "", steps: int = 0, own_binary: bool = True, fmi: int = 2
+) -> str:
     """The HTML text for the FMU of `instance`.
 
     With the `scene` and the `side` that it is of, what it models and what the indices count there; `steps` is how many
-    the reference results have, `own_binary` whether the binary is that of this project.
+    the reference results have, `own_binary` whether the binary is that of this project, `fmi` the version of FMI.
     """
     variables = [v for v, _ in instance.blocks.values()]
     shown = [v for v in variables if v.causality == "input" or v.name in INTERFACE]
@@ -33,8 +35,11 @@ def page(instance: CoreFmu, scene: Scene | None = None, side: str = "", steps: i
     reference = texts.REFERENCE.format(
         identifier=instance.modelName, steps=steps, short=short, script=html.escape(script, quote=False)
     )
-    return texts.PAGE.format(
+    text = texts.PAGE.format(
         title=title,
+        version=f"{fmi}.0",
+        naming=texts.SCALARS if fmi == 2 else texts.ARRAYS,
+        discarded=texts.TERMINATED if fmi == 2 else "",
         model="" if scene is None else _model(scene, side),
         interface=_rows([[v.name, _shape(v), v.causality, v.unit, _about(v)] for v in shown]),
         parameters=_rows([_parameter(instance, v) for v in variables if v.causality == "parameter"]),
@@ -45,6 +50,7 @@ def page(instance: CoreFmu, scene: Scene | None = None, side: str = "", steps: i
         reference=reference if steps else "",
         dependencies=texts.OWN_BINARY if own_binary else texts.PYTHONFMU_BINARY,
     )
+    return text if fmi == 2 else text.replace("fmi2", "fmi3")
 
 
 def external_dependencies() -> str:

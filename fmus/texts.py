@@ -13,15 +13,13 @@ svg {{ width: 100%; max-height: 26rem; font: 11px system-ui, sans-serif; fill: #
 .l {{ fill: none; stroke: #555; stroke-width: .6 }}
 </style></head><body>
 <h1>{title}</h1>
-<p>FMI 2.0 co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A quasi-static result does
-not depend on the size of a step.</p>
+<p>FMI {version} co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A quasi-static
+result does not depend on the size of a step.</p>
 {model}<h2>Interface</h2>
 <table><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
 {interface}
 </table>
-<p>A variable of shape n is the scalars name[1] to name[n], one of shape n × 3 the scalars name[i,1] to name[i,3] along
-x, y and z. The value references of a variable follow each other, the last index running fastest. Inputs start at what
-the model description says; outputs are right from the initialisation on.</p>
+<p>{naming} Inputs start at what the model description says; outputs are right from the initialisation on.</p>
 <h2>Parameters</h2>
 <table><tr><th>name</th><th>shape</th><th>start</th><th>unit</th><th>bounds</th><th>may be set</th>
 <th>description</th></tr>
@@ -33,8 +31,7 @@ the model description says; outputs are right from the initialisation on.</p>
 </table>
 {scene}{reference}<h2>Steps that fail, values that are refused, states</h2>
 <p>A step that the solver cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other
-inputs or restore a state, then step on. fmi2Terminated is true after a discarded step, so that importers that would
-repeat it end, and false again after a good one.</p>
+inputs or restore a state, then step on.{discarded}</p>
 <p>A value that is not finite or out of bounds, an output, a fixed parameter after the initialisation, a variable that
 is set as another type than its own and a call out of order are refused where they come: the call returns fmi2Error, the
 reason is logged (category logStatusError), the old value stays, and the next step is discarded once, for hosts that
@@ -51,6 +48,12 @@ own.</p>
 the scene's data, where it has any, are beside the data in resources/scene.</p>
 </body></html>
 """
+
+SCALARS = """A variable of shape n is the scalars name[1] to name[n], one of shape n × 3 the scalars name[i,1] to
+name[i,3] along x, y and z. The value references of a variable follow each other, the last index running fastest."""
+ARRAYS = """Each variable is an array of that shape; the last index, x, y, z where it is 3, runs fastest."""
+TERMINATED = """ fmi2Terminated is true after a discarded step, so that importers that would repeat it end, and false
+again after a good one."""
 
 MODEL = """<h2>What it models</h2>
 <p><b>{name}</b>. {about}</p>
