@@ -131,17 +131,18 @@ def test_an_exchange_gives_what_fmus_of_fmi_2_give_beside_it_in_the_process_to_t
 def test_a_state_repeats_the_steps_also_serialised_in_a_new_instance(pair):
     scene, path = pair[0], pair[1][0]
     with Arrays(path) as fmu, Arrays(path) as other:
-        pressure = np.ones(fmu.shape("pressure"))
+        loads = {"pressure": np.ones(fmu.shape("pressure"))}
         if scene.has_flow:  # of the wing as it starts, so that there is an equilibrium
             flow = scene.aero_core()
             for name, value in start(scene).items():
                 flow.set(name, value)
-            pressure = flow.get("pressure")
+            loads = {name: flow.get(name) for name in ("pressure", "shear", "line_load") if name in fmu.variables}
 
         def steps(instance):
             found = []
             for t in range(3):
-                instance.set("pressure", (1.0 + 0.1 * t) * pressure)
+                for name, values in loads.items():
+                    instance.set(name, (1.0 + 0.1 * t) * values)
                 instance.slave.doStep(float(t), 1.0)
                 found.append(instance.get("displacement").tolist())
             return found
