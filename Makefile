@@ -1,6 +1,6 @@
 # Each target makes .venv with the pinned versions when it is missing or out of date, then does its job.
 .DEFAULT_GOAL := help
-.PHONY: help install run test lint bench stress clean
+.PHONY: help install run test test-interop lint bench stress clean
 .DELETE_ON_ERROR:
 
 # The first Python that is new enough; make PYTHON=/path/to/python3.12 picks another.
@@ -20,7 +20,7 @@ ifneq ($(shell cat $(stamp) 2>/dev/null),$(CURDIR))
 endif
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-8s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-12s %s\n", $$1, $$2}' Makefile
 
 install: $(stamp) ## make .venv and install the pinned versions
 	@echo "$(venv) is up to date"
@@ -30,6 +30,9 @@ run: $(stamp) ## fly the TU Delft V3 kite as two coupled FMUs; the report goes t
 
 test: $(stamp) ## run the tests
 	$(venv)/bin/python -m pytest -q
+
+test-interop: $(stamp) ## run the FMUs in other tools; KITECOSIM_REQUIRE_INTEROP=1 makes one that is missing a failure
+	$(venv)/bin/python -m pytest -q tests/interop
 
 lint: $(stamp) ## check style, format and types
 	$(venv)/bin/python -m ruff check

@@ -2,12 +2,18 @@
 
 import contextlib
 import functools
+import statistics
+import tempfile
+import time
 
+import scenes
+from fmus.builder import build
 from master.coupling import solve
+from master.participants import FmuParticipant
 from master.schemes import SCHEMES
 
 from .problems import BACKENDS, in_process
-from .registry import Case, Curve, Outcome
+from .registry import Case, Curve, Outcome, Table
 
 DT = 1.0
 
@@ -67,6 +73,64 @@ def coupled_solve(backend, speed):
         yield work
 
 
+def median(work, repeats):
+    """Median time of a call, s."""
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - begin)
+    return statistics.median(times)
+
+
+def repeated(fmu):
+    """One exchange of an FMU with the inputs that it has: set every input block, step, get every interface output."""
+    named = [name for name in fmu.blocks if name in ("displacement", "pressure", "shear", "line_load")]
+    given = {name: fmu.get(name) for name in named if fmu.limits[name].causality == "input"}
+    taken = [name for name in named if name not in given]
+
+    def work():
+        for name, values in given.items():
+            fmu.set(name, values)
+        fmu.step(0.0, DT)
+        for name in taken:
+            fmu.get(name)
+
+    work()
+    return work
+
+
+def life_of_fmus(quick):
+    """Markdown: what it costs to build the FMUs of every scene, to load them and to step them."""
+    rows = []
+    for name in scenes.available()[: 1 if quick else None]:
+        scene = scenes.load(name)
+        start = scene.with_trim({})
+        with tempfile.TemporaryDirectory() as folder:
+            made = median(lambda scene=scene, folder=folder, start=start: build(scene, folder, start), 3)
+            for path in build(scene, folder, start):
+
+                def loaded(path=path):
+                    FmuParticipant(path).close()
+
+                loaded()
+                ready = median(loaded, 5)
+                with FmuParticipant(path) as fmu:
+                    step = median(repeated(fmu), 500)
+                size = path.stat().st_size / 1e3
+                rows.append(f"| {path.stem} | {size:.0f} | {made:.2f} | {1e3 * ready:.0f} | {1e6 * step:.0f} |")
+    head = "| FMU | size, kB | build, s | load and initialise, ms | set, step, get, µs |\n|---|---|---|---|---|\n"
+    return (
+        head
+        + "\n".join(rows)
+        + (
+            "\n\nBuild: all FMUs of the scene with their reference results, where the trim angle is known. Load: "
+            "unpack, instantiate, initialise and free, in a process that has loaded one before. Set, step, get: the "
+            "whole interface, inputs unchanged, so that no solver works. Medians."
+        )
+    )
+
+
 # The same arithmetic on the same machine; 1e-12 m is rounding of positions of some 10 m.
 SAME = 1e-12
 COMMON = {
@@ -108,4 +172,5 @@ ENTRIES = (
         note="IQN-ILS, default tolerances; building and loading the FMUs is not timed.",
         **COMMON,
     ),
+    Table(name="exchange.fmus", title="What FMUs cost beside their solvers", build=life_of_fmus),
 )

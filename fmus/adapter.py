@@ -1,4 +1,4 @@
-"""A solver core as an FMI 2.0 co-simulation slave: its blocks become scalars over one buffer.
+"""A solver core as an FMI co-simulation slave: its blocks become scalars over one buffer.
 
 A value is checked where it is set: one that is refused is logged, the old one stays. A step hands the blocks that
 changed to the core, solves, and fetches the outputs.
@@ -25,7 +25,7 @@ from pythonfmu.enums import Fmi2Status
 import scenes
 from fmus.buffer import Buffer
 from fmus.description import add_variables, describe_model
-from fmus.lists import MEMORY, ListSlave
+from fmus.memory import MemorySlave
 from fmus.sharing import end_cleanly, share_modules
 from scenes.variables import StepFailed, Variable
 
@@ -48,7 +48,7 @@ class Core(Protocol):
     def restore(self, state: Any) -> None: ...
 
 
-class CoreFmu(ListSlave):
+class CoreFmu(MemorySlave):
     """FMI slave of one solver core: the given one, or the one of the scene in the FMU's resources."""
 
     title = "Solver"
@@ -131,12 +131,14 @@ class CoreFmu(ListSlave):
 
     # Variables
 
-    def _put(self, references: np.ndarray, values: Sequence[float] | np.ndarray, kind: str) -> None:
+    def _put(
+        self, references: np.ndarray, values: Sequence[float] | np.ndarray, kind: str, whole: bool = False
+    ) -> None:
         try:
             self._require("Setting a variable", INSTANTIATED, INITIALISING, STEPPING)
             if not len(references):
                 return
-            where, names = self._buffer.span(references, kind)
+            where, names = self._buffer.span(references, kind, whole)
             if not self._locked.isdisjoint(names):
                 name = min(self._locked.intersection(names))
                 why = "an output" if name in self._outputs else "a fixed parameter, set before initialisation"
@@ -155,27 +157,15 @@ class CoreFmu(ListSlave):
         except BaseException as error:
             self._refused = self._say(error, Fmi2Status.error)
 
-    def _take(self, references: np.ndarray, kind: str) -> np.ndarray | None:
+    def _take(self, references: np.ndarray, kind: str, whole: bool = False) -> np.ndarray | None:
         """Values of scalars; None where they cannot be told."""
         try:
             if self._mode == INITIALISING and self._unsettled:
                 self._settle()
-            return self._buffer.values[self._buffer.span(references, kind)[0]]
+            return self._buffer.values[self._buffer.span(references, kind, whole)[0]]
         except BaseException as error:
             self._say(error, Fmi2Status.error)
             return None
-
-    # As the binary of this project calls: memory of the host, valid during the call. As PythonFMU's does: lists.py.
-
-    def put(self, kind: str, references: memoryview, values: memoryview) -> None:
-        """Set variables; the binary returns fmi2Error for what is logged meanwhile."""
-        self._put(np.frombuffer(references, np.uint32), np.frombuffer(values, MEMORY[kind]), kind)
-
-    def take(self, kind: str, references: memoryview, values: memoryview) -> None:
-        """Get variables."""
-        taken = self._take(np.frombuffer(references, np.uint32), kind)
-        if taken is not None:
-            np.frombuffer(values, MEMORY[kind])[:] = taken
 
     # Life
 
@@ -278,6 +268,10 @@ class CoreFmu(ListSlave):
             return pickle.loads(content)
         except BaseException as error:
             return f"The serialised state cannot be read: {error}"
+
+    def start(self, block: str) -> list[float]:
+        """The present values of a block, in order."""
+        return self._buffer.start()[block]
 
     def to_xml(self, model_options: Mapping[str, Any] | None = None) -> Element:
         """The complete model description; it does not depend on the time of the build."""

@@ -29,17 +29,31 @@ class Buffer:
         self._block_of = np.repeat(np.array([v.name for v in variables], dtype=object), sizes)
         self._low = np.repeat([-LARGEST if v.minimum is None else v.minimum for v in variables], sizes)
         self._high = np.repeat([LARGEST if v.maximum is None else v.maximum for v in variables], sizes)
-        self._spans: dict[tuple[str, bytes], tuple[slice | np.ndarray, tuple[str, ...]]] = {}
+        self._first = {where.start: where for _, where in self.blocks.values()}
+        self._spans: dict[tuple[str, bool, bytes], tuple[slice | np.ndarray, tuple[str, ...]]] = {}
 
-    def span(self, references: np.ndarray, kind: str) -> tuple[slice | np.ndarray, tuple[str, ...]]:
-        """Where value references are, and the blocks they touch, all of that kind; remembered, as importers repeat."""
-        key = kind, references.tobytes()
+    def span(
+        self, references: np.ndarray, kind: str, whole: bool = False
+    ) -> tuple[slice | np.ndarray, tuple[str, ...]]:
+        """Where value references are, and the blocks they touch, all of that kind; remembered, as importers repeat.
+
+        Each is one scalar or, where `whole`, the block whose first scalar it is.
+        """
+        key = kind, whole, references.tobytes()
         known = self._spans.get(key)
         if known is None:
             if len(self._spans) >= REMEMBERED:
                 self._spans.clear()
-            known = self._spans[key] = self._place(references.astype(np.int64), kind)
+            places = references.astype(np.int64)
+            known = self._spans[key] = self._place(self._scalars(places) if whole else places, kind)
         return known
+
+    def _scalars(self, references: np.ndarray) -> np.ndarray:
+        """Places of all scalars of blocks."""
+        for reference in references.tolist():
+            if reference not in self._first:
+                raise ValueError(f"There is no variable with the value reference {reference}.")
+        return np.concatenate([np.arange(w.start, w.stop) for w in map(self._first.get, references.tolist()) if w])
 
     def _place(self, places: np.ndarray, kind: str) -> tuple[slice | np.ndarray, tuple[str, ...]]:
         if places.min() < 0 or places.max() >= self.values.size:
@@ -56,7 +70,7 @@ class Buffer:
         """Write values within the bounds; whether one has changed."""
         given, old = np.array(values, dtype=float), self.values[where]
         if given.shape != old.shape:
-            raise ValueError(f"There are {given.size} values for {old.size} value references.")
+            raise ValueError(f"There are {given.size} values for {old.size} scalars.")
         outside = ~((given >= self._low[where]) & (given <= self._high[where]))
         if outside.any():
             k = int(np.argmax(outside))

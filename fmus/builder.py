@@ -23,25 +23,43 @@ import pythonfmu
 
 from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
+from fmus.arrays import array_description
 from fmus.description import PROJECT
-from fmus.documentation import page
+from fmus.documentation import external_dependencies, page
+from fmus.picture import icon
+from fmus.reference import reference_tables
 from fmus.sharing import PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
 NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder beside the files that it is made of
 BINARIES = Path("resources", "binaries")
+# What only building needs, and an FMU does not carry.
+BUILDING = {
+    f"fmus/{name}.py" for name in ("arrays", "builder", "documentation", "host", "picture", "reference", "ssp", "texts")
+}
+BUILDING |= {f"pythonfmu/{name}.py" for name in ("__main__", "csvbuilder", "deploy")}
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 
 
-def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, ...]:
+def build(
+    scene: Scene,
+    out_dir: str | Path,
+    parameters: Mapping[str, Any] | None = None,
+    reference: bool = True,
+    fmi: int = 2,
+) -> tuple[Path, ...]:
     """Paths of `<scene>_structural.fmu` and, where the scene has a flow, `<scene>_aero.fmu`, written to `out_dir` (made
     when missing).
 
     `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU. A kite
     that is free to pitch starts from its trim angle unless they give one; where there is none, SceneError.
-    ValueError in one sentence for a parameter that neither has, or for a value that a core refuses.
+    `reference` solves some steps for the reference results that an FMU carries. With `fmi` = 3 they are FMUs of FMI
+    3.0, `<scene>_structural_fmi3.fmu` and `<scene>_aero_fmi3.fmu`, without reference results. ValueError in one
+    sentence for a parameter that neither has, for a value that a core refuses, and for another version of FMI.
     """
+    if fmi not in (2, 3):
+        raise ValueError(f"FMUs are built for FMI 2 or 3, not {fmi}.")
     given = dict(parameters or {})
     sides: tuple[tuple[str, type[CoreFmu]], ...] = (("structural", StructuralFmu), ("aero", AeroFmu))
     sides = sides if scene.has_flow else sides[:1]
@@ -51,12 +69,18 @@ def build(scene: Scene, out_dir: str | Path, parameters: Mapping[str, Any] | Non
         known = ", ".join(sorted(set().union(*names.values()))) or "none"
         raise ValueError(f"Scene {scene.name} has no parameter {unknown[0]!r}; its parameters are {known}.")
     given = scene.with_trim({name: _numbers(name, value) for name, value in given.items()})
+    for side in cores:
+        for name in given.keys() & names[side]:
+            cores[side].set(name, np.array(given[name]))
+    tables = reference_tables(scene, given) if reference and fmi == 2 else {}
     contents = {}
     for side, slave in sides:
-        own = {name: _numbers(name, value) for name, value in given.items() if name in names[side]}
-        for name, value in own.items():
-            cores[side].set(name, np.array(value))
-        contents[f"{scene.name}_{side}"] = _scene_fmu(f"{scene.name}_{side}", slave, cores[side], scene, own)
+        own = {name: value for name, value in given.items() if name in names[side]}
+        name = f"{scene.name}_{side}" + ("_fmi3" if fmi == 3 else "")
+        instance = slave(cores[side], instance_name=name)
+        instance.description = f"{slave.title} of the scene {scene.name}"
+        files = _scene_files(scene, side, instance, own, name, tables.get(side), fmi)
+        contents[name] = archive(name, instance, files, fmi)
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
     return tuple(written(out / f"{name}.fmu", content) for name, content in contents.items())
@@ -70,41 +94,60 @@ def _numbers(name: str, value: Any) -> Any:
         raise ValueError(f"Parameter {name!r} takes a number, not {value!r}.") from None
 
 
-def _scene_fmu(name: str, slave: type[CoreFmu], core: Any, scene: Scene, parameters: Mapping[str, Any]) -> bytes:
+def _scene_files(
+    scene: Scene,
+    side: str,
+    instance: CoreFmu,
+    parameters: Mapping[str, Any],
+    name: str,
+    tables: tuple[str, str] | None,
+    fmi: int,
+) -> dict[str, bytes]:
+    """What the FMU of one side of a scene carries of it: data, documentation, reference results, icon."""
     folder = Path(scene.folder).resolve()
     notices = {path.name for pattern in NOTICES for path in folder.glob(pattern)}
     data = {folder / file for file in {*scene.files, *notices}}
-    resources = {f"scene/{folder.name}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in data}
+    files = {f"resources/scene/{folder.name}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in data}
     content = {"folder": f"scene/{folder.name}", "settings": scene.settings, "parameters": parameters}
     text = json.dumps(content, indent=1, sort_keys=True, default=lambda value: value.tolist())
-    resources[SCENE_FILE] = text.encode()
-    instance = slave(core, instance_name=name)
-    instance.description = f"{slave.title} of the scene {scene.name}"
-    return archive(name, instance, resources, scene)
+    files[f"resources/{SCENE_FILE}"] = text.encode()
+    name = instance.modelName = _identifier(name)
+    steps = 0
+    if tables is not None:
+        steps = tables[0].count("\n") - 1
+        files |= {f"documentation/{name}_{k}.csv": t.encode() for k, t in zip(("in", "ref"), tables, strict=True)}
+    files["documentation/index.html"] = page(instance, scene, side, steps, own_binary() is not None, fmi).encode()
+    files["model.png" if fmi == 2 else "terminalsAndIcons/icon.png"] = icon(scene, side)
+    return files
 
 
-def archive(name: str, instance: CoreFmu, resources: dict[str, bytes], scene: Scene | None = None) -> bytes:
+def _identifier(name: str) -> str:
+    """A C identifier."""
+    identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"_{identifier}" if identifier[:1].isdigit() else identifier
+
+
+def archive(name: str, instance: CoreFmu, files: dict[str, bytes], fmi: int = 2) -> bytes:
     """A complete FMU that makes instances of the class of `instance`, whose start values go into its description.
 
-    `resources` (path -> content) are added to the project's packages and to PythonFMU. The documentation tells what
-    indices count in the `scene`.
+    `files` (path -> content) are added to the project's packages, PythonFMU, binaries and licences. ValueError in one
+    sentence for FMI 3 where the binary of this project was not compiled.
     """
-    identifier = re.sub(r"\W", "_", name, flags=re.ASCII)
-    identifier = f"_{identifier}" if identifier[:1].isdigit() else identifier
-    files = {f"resources/{path}": content for path, content in (resources | _package_sources()).items()}
+    instance.modelName = identifier = _identifier(name)
+    files = files | {f"resources/{path}": content for path, content in _package_sources().items()}
     script = _script(type(instance))
     stem = script.rpartition("/")[2].removesuffix(".py")
     files[f"resources/{stem}.py"] = files.get(f"resources/{script}") or Path(script).read_bytes()
     files["resources/slavemodule.txt"] = stem.encode()
-    files |= {f"binaries/{path}": content for path, content in _binaries(identifier).items()}
-    files["documentation/index.html"] = page(instance, scene).encode()
+    files |= {f"binaries/{path}": content for path, content in _binaries(identifier, fmi).items()}
+    files.setdefault("documentation/index.html", page(instance, own_binary=own_binary() is not None, fmi=fmi).encode())
+    files["documentation/externalDependencies.txt"] = external_dependencies().encode()
     files |= {f"documentation/licenses/{name}": text for name, text in _licences().items()}
-    instance.modelName, instance.guid = identifier, ""
-    digest = hashlib.sha256(_description(instance))
+    digest = hashlib.sha256(_description(instance, "", fmi))
     for path in sorted(files):
         digest.update(path.encode() + b"\0" + hashlib.sha256(files[path]).digest())
-    instance.guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
-    return zipped({"modelDescription.xml": _description(instance)} | dict(sorted(files.items())))
+    guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
+    return zipped({"modelDescription.xml": _description(instance, guid, fmi)} | dict(sorted(files.items())))
 
 
 def _pythonfmu() -> Path:
@@ -126,12 +169,20 @@ def _script(slave: type[CoreFmu]) -> str:
     return module.origin
 
 
-def _binaries(identifier: str) -> dict[str, bytes]:
+def _binaries(identifier: str, fmi: int) -> dict[str, bytes]:
     """Path -> content of what a host loads; on Linux that of this project, where it was compiled with the project."""
+    own = own_binary()
+    if fmi == 3:
+        if own is None:
+            raise ValueError(
+                "FMUs of FMI 3 need the binary of this project, which is compiled when it is installed on Linux; "
+                "install a C compiler (Debian: gcc), then kitecosim again."
+            )
+        return {f"x86_64-linux/{identifier}.so": own.read_bytes()}
     found = {}
     for binary in (_pythonfmu() / BINARIES).glob("*/*"):
         found[f"{binary.parent.name}/{identifier}{binary.suffix}"] = binary
-    if own := own_binary():
+    if own is not None:
         found[f"linux64/{identifier}.so"] = own
     return {path: binary.read_bytes() for path, binary in found.items()}
 
@@ -143,16 +194,16 @@ def own_binary() -> Path | None:
 
 
 def _package_sources() -> dict[str, bytes]:
-    """Path -> content of every Python file of the project's solver packages and of PythonFMU itself."""
+    """Path -> content of the Python files of the solver packages and of PythonFMU that an FMU needs to run."""
     sources = {}
     for name in (*PACKAGES, "pythonfmu"):
         root = _pythonfmu() if name == "pythonfmu" else Path(__file__).parents[1] / name
         if not root.is_dir():
             raise ValueError(f"The sources in {root} are gone, so that no FMU can carry them; start a new process.")
         for path in root.glob("*.py") if name == "pythonfmu" else root.rglob("*.py"):
-            relative = path.relative_to(root)
-            if "tests" not in relative.parts and "__pycache__" not in relative.parts:
-                sources[f"{name}/{relative.as_posix()}"] = path.read_bytes()
+            inside = f"{name}/{path.relative_to(root).as_posix()}"
+            if inside not in BUILDING and not {"tests", "__pycache__"} & set(path.relative_to(root).parts):
+                sources[inside] = path.read_bytes()
     return sources
 
 
@@ -167,8 +218,9 @@ def _licences() -> dict[str, bytes]:
     return found
 
 
-def _description(instance: CoreFmu) -> bytes:
-    root = instance.to_xml()
+def _description(instance: CoreFmu, guid: str, fmi: int) -> bytes:
+    instance.guid = guid
+    root = instance.to_xml() if fmi == 2 else array_description(instance, guid)
     ElementTree.indent(root)
     text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
     return text

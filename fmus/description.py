@@ -35,12 +35,12 @@ ORIGIN = {
 
 def describe_model(root: Element) -> None:
     """Say who made the model and with what, and nothing of when: the same content gives the same bytes."""
-    del root.attrib["generationDateAndTime"]
+    root.attrib.pop("generationDateAndTime", None)
     root.attrib |= ORIGIN
     with contextlib.suppress(metadata.PackageNotFoundError):  # where the sources lie about, not installed
         root.set("version", metadata.version(PROJECT))
     tool = f"{PROJECT} {root.get('version', '')}".strip()
-    root.set("generationTool", f"{tool}, {root.get('generationTool')}")
+    root.set("generationTool", ", ".join(filter(None, (tool, root.get("generationTool")))))
 
 
 def base_exponents(unit: str) -> dict[str, int]:
@@ -73,6 +73,19 @@ def scalar_descriptions(variable: Variable) -> list[str]:
     return [f"{variable.description} of {label}{axis}" for label in variable.labels for axis in axes]
 
 
+def unit_definitions(variables: Sequence[Variable]) -> Element:
+    """The units of variables with their SI base units, as FMI 2.0 and 3.0 have them."""
+    units = Element("UnitDefinitions")
+    for unit in sorted({variable.unit for variable in variables if variable.kind == "real"}):
+        exponents = {base: str(exponent) for base, exponent in base_exponents(unit).items()}
+        defined = SubElement(units, "Unit", name=unit)
+        SubElement(defined, "BaseUnit", exponents)
+        if unit in DISPLAY_UNITS:
+            name, factor = DISPLAY_UNITS[unit]
+            SubElement(defined, "DisplayUnit", name=name, factor=repr(factor))
+    return units
+
+
 def add_variables(
     root: Element, variables: Sequence[Variable], start: Mapping[str, list[float]], at_start: Sequence[str]
 ) -> None:
@@ -84,15 +97,7 @@ def add_variables(
     algebraic loop between two FMUs. While initialising they follow what has a causality of `at_start`, in an FMU of
     a pair the parameters alone, so that there is no loop then either (FMI 2.0.4, section 2.2.8).
     """
-    units = Element("UnitDefinitions")
-    for unit in sorted({variable.unit for variable in variables if variable.kind == "real"}):
-        exponents = {base: str(exponent) for base, exponent in base_exponents(unit).items()}
-        defined = SubElement(units, "Unit", name=unit)
-        SubElement(defined, "BaseUnit", exponents)
-        if unit in DISPLAY_UNITS:
-            name, factor = DISPLAY_UNITS[unit]
-            SubElement(defined, "DisplayUnit", name=name, factor=repr(factor))
-    root.insert([child.tag for child in root].index("CoSimulation") + 1, units)
+    root.insert([child.tag for child in root].index("CoSimulation") + 1, unit_definitions(variables))
     listed, structure = root.find("ModelVariables"), root.find("ModelStructure")
     if listed is None or structure is None:
         raise ValueError("The model description lacks ModelVariables or ModelStructure.")
@@ -113,8 +118,8 @@ def add_variables(
             SubElement(parent, "Unknown", {"index": str(index)} | dependencies)
 
 
-def _add_scalars(variables: Element, variable: Variable, first: int, start: list[float]) -> None:
-    """Append the scalars of a block; real start values carry 17 digits, so that they are read back exactly."""
+def attributes_of(variable: Variable) -> tuple[dict[str, str], dict[str, str], Callable[[float], str]]:
+    """What FMI says of a variable, unit and bounds, and how its values are written: 17 digits, to be read exactly."""
     variability = variable.variability
     if variable.causality == "parameter" and variability not in ("fixed", "tunable"):
         variability = "tunable"
@@ -132,6 +137,12 @@ def _add_scalars(variables: Element, variable: Variable, first: int, start: list
     if variable.kind != "boolean":
         bounds = {"min": variable.minimum, "max": variable.maximum}
         limits |= {name: text(float(bound)) for name, bound in bounds.items() if bound is not None}
+    return attributes, limits, text
+
+
+def _add_scalars(variables: Element, variable: Variable, first: int, start: list[float]) -> None:
+    """Append the scalars of a block."""
+    attributes, limits, text = attributes_of(variable)
     names, texts = scalar_names(variable), scalar_descriptions(variable)
     for offset, (name, description, value) in enumerate(zip(names, texts, start, strict=True)):
         identity = {"name": name, "valueReference": str(first + offset)}

@@ -1,97 +1,131 @@
-"""The page documentation/index.html of an FMU: its variables, what their indices count, and how it is stepped."""
+"""The page documentation/index.html of an FMU: what it models, its variables, what indices count, how it is stepped."""
 
 import html
+import platform
 from collections.abc import Iterable, Sequence
+from importlib import metadata
 from typing import Any
 
 import numpy as np
 
+from fmus import texts
 from fmus.adapter import CoreFmu
+from fmus.picture import drawing
+from fmus.reference import STEPS
 from scenes import Scene
+from scenes.variables import Variable
 
-PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title></head><body>
-<h1>{title}</h1>
-<p>FMI 2.0 co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A quasi-static result does
-not depend on the size of a step.</p>
-<h2>Variables</h2>
-<table border="1"><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
-{variables}
-</table>
-<p>A variable of shape n is the scalars name[1] to name[n], one of shape n × 3 the scalars name[i,1] to name[i,3] along
-x, y and z. The value references of a variable follow each other, the last index running fastest.</p>
-{scene}<h2>Steps that fail, values that are refused, states</h2>
-<p>A step that the solver cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other
-inputs or restore a state, then step on. The calls that set values return fmi2OK whatever they are given. An output, or
-a fixed parameter after the initialisation, is refused and logged at once (category logStatusError), and the next step
-is discarded. A value that is not finite or out of bounds is refused and logged when the solver gets it, at the latest
-in the next step; steps are discarded until a valid value is set.</p>
-<p>After a discarded step fmi2GetBooleanStatus answers true for fmi2Terminated, and from then on: that comes from
-PythonFMU and is no end, the FMU steps on. The GUID given to fmi2Instantiate is not compared; a wrong one is accepted.
-The complete state can be saved, restored and serialised.</p>
-<h2>External dependencies</h2>
-<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs nothing else if these
-are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared library (for example
-/usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages with numpy and
-scipy. Only linux64 is tested; binaries for other platforms are those of PythonFMU.</p>
-<h2>Licences</h2>
-<p>The licences of the solvers and of PythonFMU are in documentation/licenses; those of the scene's data, where it has
-any, are beside the data in resources/scene.</p>
-</body></html>
-"""
-
-EXCHANGE = """<h2>Order of exchange</h2>
-<p>Per step, as a master that steps in turn does it: give the aerodynamic FMU the <code>displacement</code> of the
-structural one and step it; give the structural FMU its {loads} and step it. Repeat until <code>displacement</code> no
-longer changes: a kite takes some 20 rounds to 1e-5 m, twice as many where both are stepped at once and nothing changes
-at every second round. That is the explicit scheme: it need not settle, and a kite may have several equilibria (folded
-tips, rolled over), so look at lift and span of the one that was reached. Passing on only a part of each change, or a
-master that accelerates (the command line of this project), settles where it does not.</p>
-"""
-ALONE = """<h2>Without a flow</h2>
-<p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
-equilibrium under gravity, the point loads among the parameters, and what was set.</p>
-"""
-TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
-pivot, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the angle at which wind and
-weight leave no pitching moment in the wind given there. In another wind, or far from that angle, the first steps are
-further from equilibrium and may fail, or lead to another one. Give both FMUs the same value before they are
-initialised.</p>
-"""
-SIGNS = """<h2>Indices and signs</h2>
-<p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
-where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its normal is along its area
-vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code> pushes along the normal,
-to the suction side: its force is pressure · a. {shear}A corner
-that is listed twice makes a triangle. All indices count from 1, as in the names of the scalars.</p>
-"""
-SHEAR = "That of <code>shear</code> is shear · |a|, along the global axes. "
+INTERFACE = ("displacement", "pressure", "shear", "line_load")
 Rows = Iterable[Sequence[Any]]
 
 
-def page(instance: CoreFmu, scene: Scene | None = None) -> str:
-    """The HTML text for the FMU of `instance`; with the `scene` that it is of, what the indices count there."""
-    blocks = [
-        (v.name, _shape(v.shape), v.causality, v.unit, v.description + (" of each, by name below" if v.labels else ""))
-        for v, _ in instance.blocks.values()
-    ]
+def page(
+    instance: CoreFmu, scene: Scene | None = None, side: str = "", steps: int = 0, own_binary: bool = True, fmi: int = 2
+) -> str:
+    """The HTML text for the FMU of `instance`.
+
+    With the `scene` and the `side` that it is of, what it models and what the indices count there; `steps` is how many
+    the reference results have, `own_binary` whether the binary is that of this project, `fmi` the version of FMI.
+    """
+    variables = [v for v, _ in instance.blocks.values()]
+    shown = [v for v in variables if v.causality == "input" or v.name in INTERFACE]
     title = html.escape(instance.description or instance.title)
-    parts = "" if scene is None else _scene(instance, scene)
-    return PAGE.format(title=title, variables=_rows(blocks), scene=parts)
+    script = texts.SCRIPT.format(identifier=instance.modelName)
+    short = "" if steps == STEPS else "; a solver could not complete the next step"
+    reference = texts.REFERENCE.format(
+        identifier=instance.modelName, steps=steps, short=short, script=html.escape(script, quote=False)
+    )
+    text = texts.PAGE.format(
+        title=title,
+        version=f"{fmi}.0",
+        naming=texts.SCALARS if fmi == 2 else texts.ARRAYS,
+        discarded=texts.TERMINATED if fmi == 2 else "",
+        model="" if scene is None else _model(scene, side),
+        interface=_rows([[v.name, _shape(v), v.causality, v.unit, _about(v)] for v in shown]),
+        parameters=_rows([_parameter(instance, v) for v in variables if v.causality == "parameter"]),
+        outputs=_rows(
+            [[v.name, _shape(v), v.unit, _about(v)] for v in variables if v.causality == "output" and v not in shown]
+        ),
+        scene="" if scene is None else _scene(instance, scene),
+        reference=reference if steps else "",
+        dependencies=texts.OWN_BINARY if own_binary else texts.PYTHONFMU_BINARY,
+    )
+    return text if fmi == 2 else text.replace("fmi2", "fmi3")
 
 
-def _shape(shape: tuple[int, ...]) -> str:
-    return " × ".join(map(str, shape)) or "scalar"
+def external_dependencies() -> str:
+    """The text of documentation/externalDependencies.txt, which FMI 3.0 names and FMI 2.0 leaves open."""
+    versions = {name: metadata.version(name) for name in ("numpy", "scipy")}
+    return texts.DEPENDENCIES.format(python=platform.python_version(), **versions)
+
+
+def _about(variable: Variable) -> str:
+    return variable.description + (" of each, by name below" if variable.labels else "")
+
+
+def _shape(variable: Variable) -> str:
+    return " × ".join(map(str, variable.shape)) or "scalar"
+
+
+def _parameter(instance: CoreFmu, variable: Variable) -> list[Any]:
+    start = np.ravel(instance.start(variable.name)).tolist()
+    if variable.kind == "boolean":
+        shown, bounds = ", ".join("true" if x else "false" for x in start), "true or false"
+    else:
+        shown = ", ".join(f"{x:.9g}" for x in start)
+        low, high = variable.minimum, variable.maximum
+        bounds = (
+            ""
+            if low is high is None
+            else f"{'' if low is None else f'{low:g}'} … {'' if high is None else f'{high:g}'}"
+        )
+    when = "before the first step" if variable.variability == "fixed" else "at any time"
+    return [variable.name, _shape(variable), shown, variable.unit, bounds, when, variable.description]
+
+
+def _model(scene: Scene, side: str) -> str:
+    """What the scene is, which of it the FMU holds, a drawing, and the settings."""
+    physics = _structure(scene) if side == "structural" else _flow(scene)
+    settings = ", ".join(f"<code>{key} = {html.escape(str(value))}</code>" for key, value in scene.settings.items())
+    return texts.MODEL.format(
+        name=html.escape(str(scene.content.get("title") or scene.name)),
+        about=html.escape(str(scene.content.get("description") or "")),
+        physics=html.escape(physics),
+        drawing=drawing(scene),
+        settings=settings or "none",
+    )
+
+
+def _structure(scene: Scene) -> str:
+    members = scene.members
+    two_way = np.concatenate([group.two_way for group in members.chains])
+    over = [group.nodes.shape[1] > 2 for group in members.chains for _ in group.nodes]
+    counts = {
+        "nodes": len(members.nodes),
+        "springs": int(np.count_nonzero(two_way)),
+        "tension-only lines": int(np.count_nonzero(~two_way & ~np.array(over, dtype=bool))),
+        "ropes over pulleys": int(np.count_nonzero(over)),
+        "parts of inflatable tubes": 0 if members.wing is None else len(members.wing.tubes.ends),
+    }
+    listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    return texts.STRUCTURE.format(counts=listed, weight=" and the weight")
+
+
+def _flow(scene: Scene) -> str:
+    content, mesh = scene.content["aero"], scene.interface
+    method = "the vortex-step method (a lifting line)" if content["induction"] else "strip theory"
+    lines = f"; and of {len(mesh.lines)} exposed pieces of lines" if len(mesh.lines) else ""
+    return texts.FLOW.format(method=method, strips=len(mesh.sections) - 1, lines=lines)
 
 
 def _scene(instance: CoreFmu, scene: Scene) -> str:
     """Order of exchange, signs, and a table for every kind of thing that an index counts."""
     blocks = instance.blocks
     loads = [f"<code>{name}</code>" for name in ("pressure", "shear", "line_load") if name in blocks]
-    text = (EXCHANGE if scene.has_flow else ALONE).format(loads=", ".join(loads))
+    text = (texts.EXCHANGE if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
     if "trim_angle" in blocks:
-        text += TRIM.format(value=instance.get_real([blocks["trim_angle"][1].start])[0])
-    text += SIGNS.format(shear=SHEAR if "shear" in blocks else "")
+        text += texts.TRIM.format(value=instance.start("trim_angle")[0])
+    text += texts.SIGNS.format(shear=texts.SHEAR if "shear" in blocks else "")
     return text + "".join(_table(*table) for table in _tables(blocks, scene))
 
 
@@ -137,9 +171,7 @@ def _numbered(rows: Iterable[Iterable[Any]]) -> Rows:
 
 def _table(title: str, header: str, rows: Rows) -> str:
     heads = "".join(f"<th>{head}</th>" for head in header.split())
-    return (
-        f'<details><summary>{title}</summary>\n<table border="1"><tr>{heads}</tr>\n{_rows(rows)}\n</table></details>\n'
-    )
+    return f"<details><summary>{title}</summary>\n<table><tr>{heads}</tr>\n{_rows(rows)}\n</table></details>\n"
 
 
 def _rows(rows: Rows) -> str:

@@ -13,8 +13,9 @@ def host_environment(preload: bool = False) -> dict[str, str]:
     """Name -> value of the environment variables, for this interpreter.
 
     Usually that is KITECOSIM_PYTHON alone: the FMUs open the library of that interpreter themselves. `preload` gives
-    what any FMU of PythonFMU takes: LD_PRELOAD and PYTHONPATH. ValueError in one sentence where this interpreter has no
-    shared library, or lacks numpy or scipy.
+    what any FMU of PythonFMU takes: LD_PRELOAD, PYTHONPATH, and PYTHONHOME, as the library would else look for its
+    modules beside the first python3 in PATH, which may be another. ValueError in one sentence where this interpreter
+    has no shared library, or lacks numpy or scipy.
     """
     lacking = [name for name in ("numpy", "scipy") if importlib.util.find_spec(name) is None]
     if lacking:
@@ -23,7 +24,7 @@ def host_environment(preload: bool = False) -> dict[str, str]:
     if not preload:
         return {PYTHON: sys.executable}
     paths = [path for path in sys.path if Path(path).is_dir() and Path(path).name in ("site-packages", "dist-packages")]
-    return {"LD_PRELOAD": str(library), "PYTHONPATH": os.pathsep.join(paths)}
+    return {"LD_PRELOAD": str(library), "PYTHONHOME": sys.base_prefix, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def python_library() -> Path:

@@ -18,12 +18,14 @@ class ListSlave(Fmi2Slave):
     _refused: str | None
 
     @abstractmethod
-    def _put(self, references: np.ndarray, values: Sequence[float] | np.ndarray, kind: str) -> None:
-        """Set scalars of a kind; what is refused is logged."""
+    def _put(
+        self, references: np.ndarray, values: Sequence[float] | np.ndarray, kind: str, whole: bool = False
+    ) -> None:
+        """Set scalars of a kind, or whole blocks; what is refused is logged."""
 
     @abstractmethod
-    def _take(self, references: np.ndarray, kind: str) -> np.ndarray | None:
-        """Values of scalars of a kind; None, and a message, where they cannot be told."""
+    def _take(self, references: np.ndarray, kind: str, whole: bool = False) -> np.ndarray | None:
+        """Values of scalars of a kind, or of whole blocks; None, and a message, where they cannot be told."""
 
     @abstractmethod
     def _say(self, error: BaseException | str, status: Fmi2Status) -> str:

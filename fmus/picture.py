@@ -78,14 +78,15 @@ def icon(scene: Scene | None, side: str) -> bytes:
         if side == "structural":
             lines = _lines(scene) @ axes.T
         else:
+            along = np.linspace(0.0, len(edge) - 1.0, 7)
+            feet = np.stack([np.interp(along, np.arange(len(edge)), values) for values in edge.T], axis=-1)
             lift = 0.35 * np.ptp(edge, axis=0).max() * np.sin(np.linspace(0.2, np.pi - 0.2, 7))
-            lines = edge[np.linspace(0, len(edge) - 1, 7).astype(int), None] + np.zeros((7, 2, 2))
-            lines[:, 1, 1] += lift
+            lines = np.stack([feet, feet + np.outer(lift, [0.0, 1.0])], axis=1)
         every = np.concatenate([edge, lines.reshape(-1, 2)])
         low, high = every.min(axis=0), every.max(axis=0)
         scale = (SIZE - 10.0) / float((high - low).max())
         shift = SIZE / 2 - scale * (low + high) / 2
-        strokes = [(scale * leg + shift, 0.5) for leg in lines]
+        strokes = [(scale * leg + shift, 0.5 if side == "structural" else 1.0) for leg in lines]
         strokes += [(scale * np.array(pair) + shift, 1.7) for pair in pairwise(edge)]
     return _png(strokes, COLOURS.get(side, (0x44, 0x44, 0x44)))
 

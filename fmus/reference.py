@@ -28,9 +28,11 @@ def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, t
         for variable in core.variables:
             if variable.name in parameters and variable.causality == "parameter":
                 core.set(variable.name, np.array(parameters[variable.name], dtype=float))
+    structure, flow = cores["structural"], cores.get("aero")
+    if flow is not None:  # its first inputs are set while it is initialised
+        flow.set("displacement", structure.get("displacement"))
     inputs: dict[str, list[list[Any]]] = {side: [] for side in cores}
     results = {side: [_row(core, 0.0, _results(core))] for side, core in cores.items()}
-    structure, flow = cores["structural"], cores.get("aero")
     try:
         for k in range(STEPS):
             if flow is not None:

@@ -1,4 +1,4 @@
-"""Command line: `kitecosim run|build|compare|scenes|couple`; what they do is in commands.py, comparison and foreign."""
+"""Command line: `kitecosim`; what its commands do is in commands.py, comparison and foreign."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -99,11 +99,14 @@ def build(
             "opens it runs the explicit scheme at steps of 1 s.",
         ),
     ] = False,
+    fmi: Annotated[
+        int, typer.Option(help="Version of FMI, 2 or 3; with 3 variables are whole arrays, and fewer tools take them.")
+    ] = 2,
 ) -> None:
     """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
     from master.commands import build_scene
 
-    _finish(lambda: build_scene(scene, _assignments(set_), out, ssp))
+    _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi))
 
 
 @app.command(short_help="Compare coupling schemes on one or more scenes.")
@@ -225,8 +228,8 @@ def host_env(
         bool,
         typer.Option(
             "--preload",
-            help="LD_PRELOAD and PYTHONPATH instead, as other FMUs of PythonFMU need them, and FMUs of this project "
-            "that were built without a C compiler at installation.",
+            help="LD_PRELOAD, PYTHONHOME and PYTHONPATH instead, as other FMUs of PythonFMU need them, and FMUs of "
+            "this project that were built without a C compiler at installation.",
         ),
     ] = False,
 ) -> None:

@@ -119,18 +119,21 @@ def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
     return out
 
 
-def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False) -> int:
+def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False, fmi: int = 2) -> int:
     """Build the two FMUs of a scene, and its SSP if wanted; the exit code."""
     from fmus.builder import build
     from fmus.ssp import package
 
+    if ssp and fmi != 2:
+        raise ValueError("--ssp connects FMUs of FMI 2; leave --fmi out.")
     scene, given = prepared(name, assigned)
     results_folder(out)
-    names = [f"{scene.name}{end}" for end in ("_structural.fmu", "_aero.fmu", *([".ssp"] if ssp else []))]
+    mark = "_fmi3" if fmi == 3 else ""
+    names = [f"{scene.name}{end}" for end in (f"_structural{mark}.fmu", f"_aero{mark}.fmu", *([".ssp"] if ssp else []))]
     if folders := [n for n in names if (out / n).is_dir()]:
         raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
     try:
-        paths = build(scene, out, given)
+        paths = build(scene, out, given, fmi=fmi)
         for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
             print(path)
     except OSError as error:
@@ -260,7 +263,7 @@ def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Ite
         if backend == "fmu":
             from fmus.builder import build
 
-            paths = build(scene, out / "fmus", parameters)
+            paths = build(scene, out / "fmus", parameters, reference=False)
             structural, *flow = (stack.enter_context(FmuParticipant(path)) for path in paths)
             yield Coupling(structural, flow[0] if flow else StillAir.beside(structural))
         else:

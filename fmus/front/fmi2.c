@@ -6,7 +6,7 @@
 
 #define _GNU_SOURCE /* dladdr */
 
-#include "front.h"
+#include "instance.h"
 
 #include <dlfcn.h>
 #include <stdarg.h>
@@ -14,42 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define EXPORT __attribute__((visibility("default")))
-
-enum { OK, WARNING, DISCARD, ERROR };                           /* fmi2Status, as far as it is used */
 enum { DO_STEP_STATUS, PENDING_STATUS, LAST_TIME, TERMINATED }; /* fmi2StatusKind */
 enum { CO_SIMULATION = 1 };                                     /* fmi2Type */
-
-typedef void Log(void *environment, const char *instance, int status, const char *category, const char *message, ...);
-
-typedef struct {
-    Log *logger;
-    void *(*allocate)(size_t, size_t);
-    void (*release)(void *);
-    void (*step_finished)(void *, int);
-    void *environment;
-} Callbacks;
-
-typedef struct State {
-    void *content; /* of Python */
-    void *bytes;   /* its serialised form between the calls that ask for its size and for itself */
-    struct State *next;
-} State;
-
-typedef struct {
-    Slave slave;
-    char *name;
-    char *resources;
-    int visible;
-    const Callbacks *host;
-    State *states;
-    int logging;
-    size_t categories; /* 0: all */
-    char **category;
-    int worst;         /* status that was logged since the present call began */
-    int discarded;     /* whether the last step was */
-    double last;       /* end of the last step that was not, or the begin of the one that was */
-} Front;
 
 /* Logging */
 
@@ -63,17 +29,17 @@ static int wanted(const Front *front, const char *category)
     return front->categories == 0;
 }
 
-/* A message of a slave; the host's logger takes a printf format, and per cent signs come doubled. */
+/* A message of a slave, in which per cent signs are doubled. */
 static void heard(void *environment, int status, const char *category, const char *text)
 {
     Front *const front = environment;
     if (status > front->worst)
         front->worst = status;
-    if (wanted(front, category) && front->host != NULL && front->host->logger != NULL)
-        front->host->logger(front->host->environment, front->name, status, category, text);
+    if (wanted(front, category))
+        front->tell(front, status, category, text);
 }
 
-static int refused(Front *front, const char *format, ...)
+int refused(Front *front, const char *format, ...)
 {
     char text[500];
     va_list arguments;
@@ -137,8 +103,8 @@ static char *resource_folder(const char *uri)
     return folder;
 }
 
-/* Whether the model description `up` folders above has another GUID; unreadable ones have not. */
-static int other_guid(const char *guid)
+/* Whether the model description has another GUID (of FMI 3.0: instantiation token); an unreadable one has not. */
+static int other_guid(const char *attribute, const char *guid)
 {
     char path[4096], text[4096];
     if (!beside("modelDescription.xml", 2, path, sizeof path))
@@ -148,17 +114,18 @@ static int other_guid(const char *guid)
         return 0;
     text[fread(text, 1, sizeof text - 1, file)] = '\0';
     fclose(file);
-    const char *const at = strstr(text, "guid=\"");
-    return at != NULL && (strncmp(at + 6, guid, strlen(guid)) != 0 || at[6 + strlen(guid)] != '"');
+    const size_t skip = strlen(attribute), length = strlen(guid);
+    const char *const at = strstr(text, attribute);
+    return at != NULL && (strncmp(at + skip, guid, length) != 0 || at[skip + length] != '"');
 }
 
 /* The status of a call: whatever the slave has said of it as an error makes it one. */
-static int judged(const Front *front, int done)
+int judged(const Front *front, int done)
 {
     return done && front->worst < DISCARD ? OK : ERROR;
 }
 
-static Front *begun(void *component)
+Front *begun(void *component)
 {
     Front *const front = component;
     if (front != NULL)
@@ -171,7 +138,7 @@ static Front *begun(void *component)
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
-static void discard(Front *front)
+void discard(Front *front)
 {
     forget_categories(front);
     free(front->resources);
@@ -179,26 +146,19 @@ static void discard(Front *front)
     free(front);
 }
 
-EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
-                             const Callbacks *callbacks, int visible, int logging)
+/* A front that is ready, or NULL after a message. `guid` follows its attribute in the model description. */
+Front *ready(Front *front, const char *name, const char *attribute, const char *guid, const char *resources)
 {
-    Front *const front = calloc(1, sizeof *front);
     int made = 0;
-
-    (void)logging; /* there are no debug messages; errors and discards are logged until fmi2SetDebugLogging */
-    if (front == NULL)
-        return NULL;
     front->name = strdup(name != NULL ? name : "");
     front->resources = resource_folder(resources);
-    front->visible = visible != 0;
-    front->host = callbacks;
-    front->logging = 1;
+    front->logging = 1; /* there are no debug messages; errors and discards are logged until the host turns them off */
     front->slave = (Slave){NULL, NULL, heard, front};
     if (front->name == NULL || *front->name == '\0')
         refused(front, "An instance needs a name that is not empty.");
-    else if (type != CO_SIMULATION)
+    else if (!front->for_co_simulation)
         refused(front, "The FMU is for co-simulation only.");
-    else if (guid == NULL || other_guid(guid))
+    else if (guid == NULL || other_guid(attribute, guid))
         refused(front, "The GUID is not that of the FMU's model description.");
     else if (front->resources == NULL)
         refused(front, "The folder of the FMU's resources is not known.");
@@ -208,6 +168,28 @@ EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const
         return front;
     discard(front);
     return NULL;
+}
+
+/* The logger of FMI 2.0 takes a printf format, and per cent signs come doubled. */
+static void tell(Front *front, int status, const char *category, const char *text)
+{
+    const Callbacks *const host = front->host;
+    if (host != NULL && host->logger != NULL)
+        host->logger(host->environment, front->name, status, category, text);
+}
+
+EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
+                             const Callbacks *callbacks, int visible, int logging)
+{
+    Front *const front = calloc(1, sizeof *front);
+    (void)logging;
+    if (front == NULL)
+        return NULL;
+    front->host = callbacks;
+    front->tell = tell;
+    front->visible = visible != 0;
+    front->for_co_simulation = type == CO_SIMULATION;
+    return ready(front, name, "guid=\"", guid, resources);
 }
 
 static void free_state(Front *front, State *state)

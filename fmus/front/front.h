@@ -1,4 +1,4 @@
-/* The binary of the FMUs on Linux: the functions of FMI 2.0 (fmi2.c), an object of Python behind each instance
+/* The binary of the FMUs on Linux: the functions of FMI 2.0 and 3.0 (fmi2.c, fmi3.c), an object of Python behind each instance
    (slave.c), and Python itself, which it starts where the host has none (python.c). */
 
 #ifndef KITECOSIM_FRONT_H
@@ -32,6 +32,9 @@ int slave_call(Slave *slave, const char *method);
 int slave_setup(Slave *slave, double start);
 int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values);
 int slave_take(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values);
+/* As in FMI 3.0: a value reference is a whole variable; `size` values in all. */
+int slave_put_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values, size_t size);
+int slave_take_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values, size_t size);
 int slave_step(Slave *slave, double time, double step, int *done);
 
 /* States: references to objects of Python, to be given back. */

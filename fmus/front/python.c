@@ -84,7 +84,8 @@ static int ask(const char *python, char *answer)
     return length > 0; /* the status is of no use: a host that ignores SIGCHLD gets none */
 }
 
-/* Opens the library and starts the interpreter as that program, so that it finds its own packages. `paths` are lines. */
+/* Opens the library, or takes the one that the process has where it is NULL, and starts the interpreter as that program,
+   so that it finds its own packages; NULL is as the environment has it. `paths` are lines. */
 static int start(const char *library, const char *program, char *paths, char *why, size_t size)
 {
     void *const opened = dlopen(library, RTLD_NOW | RTLD_GLOBAL);
@@ -100,12 +101,12 @@ static int start(const char *library, const char *program, char *paths, char *wh
     int (*const run)(const char *) = (int (*)(const char *))dlsym(opened, "PyRun_SimpleString");
     void *(*const release)(void) = (void *(*)(void))dlsym(opened, "PyEval_SaveThread");
     if (!running || !initialise || !decode || !run || !release) {
-        say(why, size, "%s is not a Python library.", library);
+        say(why, size, "%s is not a Python library.", library != NULL ? library : "What has Python's symbols in this process");
         return 0;
     }
     if (running()) /* by somebody who had opened it for himself alone */
         return 1;
-    if (name != NULL) { /* gone in later versions; then the paths below do */
+    if (name != NULL && program != NULL) { /* gone in later versions; then the paths below do */
         wchar_t *const wide = decode(program, NULL);
         if (wide != NULL)
             name(wide); /* kept by Python */
@@ -129,8 +130,13 @@ static int start(const char *library, const char *program, char *paths, char *wh
 
 int front_start_python(char *why, size_t size)
 {
-    if (dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL)
-        return 1;
+    char none[] = "";
+    if (dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL) { /* a host that is Python, or that was given its library */
+        pthread_mutex_lock(&lock);
+        const int ready = start(NULL, NULL, none, why, size);
+        pthread_mutex_unlock(&lock);
+        return ready;
+    }
     static const char *const usual[] = {"python3", "python", NULL};
     const char *const chosen[] = {getenv(VARIABLE), NULL};
     const char *const *candidates = chosen[0] != NULL && *chosen[0] != '\0' ? chosen : usual;

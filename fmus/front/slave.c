@@ -203,28 +203,36 @@ int slave_setup(Slave *slave, double start)
 
 /* Values */
 
-static void *moved(Slave *slave, const char *method, Kind kind, const unsigned *references, size_t count, void *values,
-                   int flag)
+static int moved(Slave *slave, const char *method, Kind kind, const unsigned *references, size_t count, void *values,
+                 size_t size, int flag)
 {
-    const long bytes = (long)(count * SIZES[kind]);
+    const int gil = py.ensure();
     void *const places = py.memory((char *)references, (long)(count * sizeof *references), READ);
-    void *const content = places != NULL ? py.memory(values, bytes, flag) : NULL;
+    void *const content = places != NULL ? py.memory(values, (long)(size * SIZES[kind]), flag) : NULL;
     void *const done = content != NULL ? py.call(slave->object, method, "(sOO)", KINDS[kind], places, content) : NULL;
     py.release(places);
     py.release(content);
-    return done;
+    return ended(slave, done, NULL, gil);
 }
 
 int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values)
 {
-    const int gil = py.ensure();
-    return ended(slave, moved(slave, "put", kind, references, count, (void *)values, READ), NULL, gil);
+    return moved(slave, "put", kind, references, count, (void *)values, count, READ);
 }
 
 int slave_take(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values)
 {
-    const int gil = py.ensure();
-    return ended(slave, moved(slave, "take", kind, references, count, values, WRITE), NULL, gil);
+    return moved(slave, "take", kind, references, count, values, count, WRITE);
+}
+
+int slave_put_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values, size_t size)
+{
+    return moved(slave, "put_arrays", kind, references, count, (void *)values, size, READ);
+}
+
+int slave_take_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values, size_t size)
+{
+    return moved(slave, "take_arrays", kind, references, count, values, size, WRITE);
 }
 
 int slave_step(Slave *slave, double time, double step, int *done)

@@ -18,25 +18,35 @@ DOCS = Path(__file__).parents[2] / "docs"
 UPDATE = "UPDATE_DOCS"  # set to 1, the tests write what the blocks print into the pages instead of comparing
 
 _FENCE = re.compile(r"^(?:`(?P<file>[\w./-]+)`\n+)?```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+_HEADING = re.compile(r"^## (.*)$", re.MULTILINE)
 _NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?|nan|inf")
 
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: its kind, its text, the file that it gives if any, and where its text stands in the page."""
+    """A fenced block: its kind, its text, the file that it gives if any, where its text stands in the page, and the
+    heading of the second level above it."""
 
     kind: str
     text: str
     file: str | None
     span: tuple[int, int]
     line: int
+    section: str
 
 
 def blocks(page):
     """The fenced blocks of a page in their order."""
     text = page.read_text(encoding="utf-8")
     return [
-        Block(m["kind"], m["text"], m["file"], m.span("text"), text[: m.start("kind")].count("\n") + 1)
+        Block(
+            m["kind"],
+            m["text"],
+            m["file"],
+            m.span("text"),
+            text[: m.start("kind")].count("\n") + 1,
+            "".join(_HEADING.findall(text[: m.start()])[-1:]),
+        )
         for m in _FENCE.finditer(text)
     ]
 
@@ -119,13 +129,16 @@ def _slack(number):
     return 1.01 * place + 0.01 * abs(float(number))
 
 
-def checked(page):
-    """Run all blocks of a page in order in the working directory; what the text blocks promise and do not get.
+def checked(page, session=None, section=None):
+    """Run all blocks of a page, or of a section of it, in order in the working directory or in a session; what the text
+    blocks promise and do not get.
 
     Where `UPDATE_DOCS` is set, the text blocks without gaps are replaced by what was printed.
     """
-    session, wrong, printed, new = Session(page), [], None, []
+    session, wrong, printed, new = session or Session(page), [], None, []
     for block in blocks(page):
+        if section not in (None, block.section):
+            continue
         if block.file is None and block.kind in ("python", "sh"):
             printed = session.output(block)
         elif block.kind == "text" and printed is not None:

@@ -69,7 +69,14 @@ def test_a_scene_in_a_folder_with_an_awkward_name_builds_and_loads(scene, tmp_pa
 def test_both_fmus_carry_the_same_packages_and_the_scene_and_nothing_else(scene, scene_paths):
     structural, aero = map(entries, scene_paths)
     different = {name for name in structural.keys() | aero.keys() if structural.get(name) != aero.get(name)}
-    own = ("modelDescription.xml", "binaries/", "documentation/", "resources/slavemodule.txt", "resources/scene.json")
+    own = (
+        "modelDescription.xml",
+        "model.png",
+        "binaries/",
+        "documentation/",
+        "resources/slavemodule.txt",
+        "resources/scene.json",
+    )
     scripts = {"resources/structural_fmu.py", "resources/aero_fmu.py"}
     assert {name for name in different if not name.startswith(own)} == scripts
     assert f"resources/scene/{scene.name}/scene.toml" in structural

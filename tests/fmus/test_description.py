@@ -200,13 +200,13 @@ def test_who_made_it_under_which_licence_is_said_and_carried_along(scene_paths):
             assert b"MIT License" in whole.read("documentation/licenses/pythonfmu.txt")
 
 
-def guid(resources, title="Toy", unit="N"):
-    """The GUID of a toy FMU with these resources, this description and this unit of its load."""
+def guid(files, title="Toy", unit="N"):
+    """The GUID of a toy FMU with these files, this description and this unit of its load."""
     toy = Toy()
     slave = ToyFmu(toy, instance_name="toy")
     slave.description = title
     object.__setattr__(toy.variables[3], "unit", unit)
-    with zipfile.ZipFile(io.BytesIO(archive("toy", slave, resources))) as content:
+    with zipfile.ZipFile(io.BytesIO(archive("toy", slave, files))) as content:
         return etree.fromstring(content.read("modelDescription.xml")).get("guid")
 
 
@@ -214,9 +214,9 @@ def test_the_guid_changes_with_any_content_and_with_nothing_else():
     plain = guid({})
     assert guid({}) == plain
     others = [
-        guid({"a.csv": b"1"}),
-        guid({"a.csv": b"2"}),
-        guid({"b.csv": b"1"}),
+        guid({"resources/a.csv": b"1"}),
+        guid({"resources/a.csv": b"2"}),
+        guid({"resources/b.csv": b"1"}),
         guid({}, "Other"),
         guid({}, unit="m"),
     ]

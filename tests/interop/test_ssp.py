@@ -1,22 +1,20 @@
 """A package of both FMUs, opened by the tools that read SSP: the exchange is that of a plain loop over the cores."""
 
 import csv
-import os
 import re
-import subprocess
 import sys
 import zipfile
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import scenes
 from fmus.description import scalar_names
-from tests.docs.pages import DOCS, blocks, differences, give_files
+from tests.docs.pages import checked
+from tests.interop import tools
+from tests.interop.tools import PAGE
 
-PAGE = DOCS / "_ssp_part.md"
 SCENE, WIND, STEPS = "v3_kite", 12.0, 10
 LOADS = ("pressure", "shear", "line_load")
 COMPARED = (("structural", "displacement"), *(("aero", name) for name in LOADS))
@@ -27,42 +25,17 @@ SAME = 1e-9
 
 
 def program(*words, folder):
-    """What a program of this Python prints, with the packages of this checkout; it takes a few seconds."""
-    done = subprocess.run(
-        [sys.executable, *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(DOCS.parent)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    """A program of this Python that has to succeed."""
+    done = tools.program([sys.executable, *words], folder)
     assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(shell):
     """A folder with the scripts of the page, and the package built as the page says."""
-    folder = tmp_path_factory.mktemp("ssp")
-    give_files(PAGE, folder)
-    program("-m", "master", "build", SCENE, "--ssp", "--set", f"wind_speed={WIND:g}", "--out", "pair", folder=folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def libcosim(folder):
-    """Skips where libcosimpy is not there or cannot load its library."""
-    done = subprocess.run(
-        [sys.executable, "-c", "from libcosimpy.CosimExecution import CosimExecution as E; E.from_step_size(10**9)"],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    if done.returncode != 0:
-        pytest.skip(f"not run: {done.stderr.strip().splitlines()[-1]}")
-    return folder
+    build = ["-m", "master", "build", SCENE, "--ssp", "--set", f"wind_speed={WIND:g}", "--out", "my_fmus"]
+    program(*build, folder=shell.folder)
+    return shell.folder
 
 
 @cache
@@ -123,7 +96,7 @@ def difference(path, expected):
 def extracted(folder, name, changes):
     """A folder with the content of the package, values of parameters changed in every .ssv that has them."""
     place = folder / name
-    with zipfile.ZipFile(folder / "pair" / f"{SCENE}.ssp") as package:
+    with zipfile.ZipFile(folder / "my_fmus" / f"{SCENE}.ssp") as package:
         package.extractall(place)
     for file in (place / "resources").glob("*.ssv"):
         text = file.read_text()
@@ -133,29 +106,30 @@ def extracted(folder, name, changes):
     return place
 
 
-def test_libcosim_passes_start_values_on_and_then_steps_all_components_from_the_step_before(libcosim, record_property):
-    program("ssp_libcosim.py", f"pair/{SCENE}.ssp", str(STEPS), "libcosim.csv", folder=libcosim)
-    apart = difference(libcosim / "libcosim.csv", loop("settled"))
-    record_property("difference", apart)
-    assert apart <= SAME
-    assert difference(libcosim / "libcosim.csv", loop("zero")) > 1e-3  # so that what begins differently shows
+def test_libcosim_passes_start_values_on_and_then_steps_all_components_from_the_step_before(folder, row):
+    row.of_package("libcosimpy, SSP", "libcosimpy", "parallel", "libcosimpy.CosimExecution")
+    program("ssp_libcosim.py", f"my_fmus/{SCENE}.ssp", str(STEPS), "libcosim.csv", folder=folder)
+    row.difference = difference(folder / "libcosim.csv", loop("settled"))
+    assert row.difference <= SAME
+    assert difference(folder / "libcosim.csv", loop("zero")) > 1e-3  # so that what begins differently shows
 
 
 @pytest.mark.parametrize("changes", [{"wind_speed": 13.0}, {"trim_angle": 0.05}], ids=str)
-def test_a_value_that_is_changed_in_the_package_is_what_the_fmus_start_from(changes, libcosim):
+def test_a_value_that_is_changed_in_the_package_is_what_the_fmus_start_from(changes, folder):
+    tools.Row().of_package("libcosimpy, SSP", "libcosimpy", "parallel", "libcosimpy.CosimExecution")
     name = f"with_{next(iter(changes))}"
-    extracted(libcosim, name, changes)
-    program("ssp_libcosim.py", name, str(STEPS), f"{name}.csv", folder=libcosim)
-    assert difference(libcosim / f"{name}.csv", loop("settled", **changes)) <= SAME
-    assert difference(libcosim / f"{name}.csv", loop("settled")) > 1e-3
+    extracted(folder, name, changes)
+    program("ssp_libcosim.py", name, str(STEPS), f"{name}.csv", folder=folder)
+    assert difference(folder / f"{name}.csv", loop("settled", **changes)) <= SAME
+    assert difference(folder / f"{name}.csv", loop("settled")) > 1e-3
 
 
-@pytest.mark.parametrize("begin", ["zero", "start"])
-def test_fmpy_steps_all_components_from_the_step_before(begin, folder, record_property):
-    program("ssp_fmpy.py", f"pair/{SCENE}.ssp", str(STEPS), f"{begin}.csv", begin, folder=folder)
-    apart = difference(folder / f"{begin}.csv", loop(begin))
-    record_property("difference", apart)
-    assert apart <= SAME
+@pytest.mark.parametrize(("begin", "order"), [("zero", "parallel, from zero"), ("start", "parallel")])
+def test_fmpy_steps_all_components_from_the_step_before(begin, order, folder, row):
+    row.of_package("fmpy, SSP", "fmpy", order)
+    program("ssp_fmpy.py", f"my_fmus/{SCENE}.ssp", str(STEPS), f"{begin}.csv", begin, folder=folder)
+    row.difference = difference(folder / f"{begin}.csv", loop(begin))
+    assert row.difference <= SAME
 
 
 def fmpy_table(folder, steps, changes):
@@ -182,12 +156,8 @@ def test_a_boolean_that_is_false_in_the_package_is_false_in_both_fmus(folder):
         assert row[f"{side}.symmetric"] == row[f"{side}.symmetry_used"] == "False"
 
 
-def test_the_page_shows_what_its_commands_print(libcosim):
-    shown = [block for block in blocks(PAGE) if block.kind in ("sh", "text")]
-    for commands, printed in zip(shown[::2], shown[1::2], strict=True):
-        output = ""
-        for line in commands.text.splitlines():
-            words = line.split()
-            words = ["-m", "master", *words[1:]] if Path(words[0]).name == "kitecosim" else words[1:]
-            output += program(*words, folder=libcosim)
-        assert not differences(printed.text, output)
+def test_the_page_shows_what_its_commands_print(shell):
+    tools.Row().of_package("libcosimpy, SSP", "libcosimpy", "parallel", "libcosimpy.CosimExecution")
+    for section in ("An SSP package", "FMI 3.0"):
+        wrong = checked(PAGE, shell, section)
+        assert not wrong, "\n".join(wrong)

@@ -1,0 +1,147 @@
+"""The texts of the page in an FMU, as HTML with places to fill in."""
+
+PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
+body {{ font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 62rem; margin: 2rem auto; padding: 0 1rem }}
+h1 {{ font-size: 1.6rem }} h2 {{ font-size: 1.15rem; margin-top: 2rem; border-bottom: 1px solid #ccc }}
+table {{ border-collapse: collapse; margin: .7rem 0 }} td, th {{ padding: .15rem .7rem; border: 1px solid #ddd }}
+th {{ background: #f2f5f8; text-align: left }} td:first-child {{ white-space: nowrap }}
+code, pre {{ background: #f4f4f4; font-size: .93em }} pre {{ padding: .7rem; overflow: auto }}
+summary {{ cursor: pointer }}
+svg {{ width: 100%; max-height: 26rem; font: 11px system-ui, sans-serif; fill: #444 }}
+.p {{ fill: #cfe3f3; fill-opacity: .5; stroke: #1f4e79; stroke-width: .6 }}
+.l {{ fill: none; stroke: #555; stroke-width: .6 }}
+</style></head><body>
+<h1>{title}</h1>
+<p>FMI {version} co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A quasi-static
+result does not depend on the size of a step.</p>
+{model}<h2>Interface</h2>
+<table><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
+{interface}
+</table>
+<p>{naming} Inputs start at what the model description says; outputs are right from the initialisation on.</p>
+<h2>Parameters</h2>
+<table><tr><th>name</th><th>shape</th><th>start</th><th>unit</th><th>bounds</th><th>may be set</th>
+<th>description</th></tr>
+{parameters}
+</table>
+<h2>Other outputs</h2>
+<table><tr><th>name</th><th>shape</th><th>unit</th><th>description</th></tr>
+{outputs}
+</table>
+{scene}{reference}<h2>Steps that fail, values that are refused, states</h2>
+<p>A step that the solver cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other
+inputs or restore a state, then step on.{discarded}</p>
+<p>A value that is not finite or out of bounds, an output, a fixed parameter after the initialisation, a variable that
+is set as another type than its own and a call out of order are refused where they come: the call returns fmi2Error, the
+reason is logged (category logStatusError), the old value stays, and the next step is discarded once, for hosts that
+look at steps only. A vector that does not fit as a whole is refused by the next step. Reasons are logged unless the
+host turns logging off. (On Windows, where the binary is that of PythonFMU, calls that set values return fmi2OK whatever
+they are given, reasons are logged only with loggingOn, fmi2Terminated stays true, and the GUID is not compared.)</p>
+<p>The complete state can be saved, restored and serialised; what follows a restored state is the same to the last bit,
+in another process too. Bytes that are not a state are refused. States are pickles of Python: restore only your
+own.</p>
+<h2>External dependencies</h2>
+{dependencies}
+<h2>Licences</h2>
+<p>The licences of the solvers (license.txt) and of PythonFMU (pythonfmu.txt) are in documentation/licenses; those of
+the scene's data, where it has any, are beside the data in resources/scene.</p>
+</body></html>
+"""
+
+SCALARS = """A variable of shape n is the scalars name[1] to name[n], one of shape n × 3 the scalars name[i,1] to
+name[i,3] along x, y and z. The value references of a variable follow each other, the last index running fastest."""
+ARRAYS = """Each variable is an array of that shape; the last index, x, y, z where it is 3, runs fastest."""
+TERMINATED = """ fmi2Terminated is true after a discarded step, so that importers that would repeat it end, and false
+again after a good one."""
+
+MODEL = """<h2>What it models</h2>
+<p><b>{name}</b>. {about}</p>
+<p>{physics}</p>
+<figure>{drawing}<figcaption>The design shape: panels of the interface; lines, springs and tubes of the
+structure.</figcaption></figure>
+<p>Built with these settings: {settings}. They cannot be changed in the FMU.</p>
+"""
+
+STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
+interface{weight}; lines take tension only, and pressure follows the deformed surface. There is no motion in time."""
+FLOW = """This FMU is the flow around it: {method} with section polars, in a uniform wind, on {strips} strips of the
+displaced wing{lines}. Each step finds the circulation, and from it the loads on every panel. The flow is steady."""
+
+OWN_BINARY = """<p>Python 3.11 or newer with numpy and scipy; the versions that it was built with are in
+<code>documentation/externalDependencies.txt</code>. Hosts that are Python programs need nothing else if these are
+installed there.</p>
+<p>In any other host on Linux the FMU starts Python itself: the interpreter that the environment variable
+<code>KITECOSIM_PYTHON</code> names, or else the first of <code>python3</code> and <code>python</code> in the path, that
+has numpy, scipy and a shared library (libpython3.x.so). Where there is none, the instantiation fails and says why.
+<code>kitecosim host-env</code> prints the variable for the Python in which kitecosim is installed. Nothing has to be
+preloaded. The C library must be as new as where the FMU was built.</p>
+<p>Only linux64 is tested. The binary for win64 is that of PythonFMU and untried.</p>"""
+PYTHONFMU_BINARY = """<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs
+nothing else if these are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared
+library (for example /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages
+with numpy and scipy; <code>kitecosim host-env --preload</code> prints both. Only linux64 is tested; the binaries are
+those of PythonFMU.</p>"""
+
+DEPENDENCIES = """This FMU runs in Python, which is not inside it.
+
+Python  3.11 or newer (built with {python})
+numpy   {numpy} or a compatible version
+scipy   {scipy} or a compatible version
+
+See index.html, External dependencies, for how a host that is no Python program finds them.
+"""
+
+REFERENCE = """<h2>Reference inputs and results</h2>
+<p><code>documentation/{identifier}_in.csv</code> holds the inputs of {steps} steps of 1 s, each row from its time on,
+and <code>{identifier}_ref.csv</code> the results at its times, with the start values of this FMU{short}. On the
+machine where the FMU was built, a tool that does the same gets the same bits; elsewhere the last digits may differ.
+Names have commas, so that they stand in quotes: fmpy's own reader of CSV files does not take them. In the unpacked FMU,
+with fmpy:</p>
+<pre>{script}</pre>
+"""
+
+SCRIPT = """import csv
+import os
+
+import fmpy
+import numpy as np
+
+def table(path):
+    with open(path, newline="") as file:
+        names, *rows = csv.reader(file)
+    return np.array([tuple(map(float, row)) for row in rows], [(name, float) for name in names])
+
+given, expected = (table(f"documentation/{identifier}_{{kind}}.csv") for kind in ("in", "ref"))
+names = list(expected.dtype.names)[1:]
+end = expected["time"][-1]
+found = fmpy.simulate_fmu(os.getcwd(), stop_time=end, output_interval=1.0, input=given, output=names)
+print("largest difference", max(np.abs(found[name] - expected[name]).max() for name in names))
+"""
+
+EXCHANGE = """<h2>Order of exchange</h2>
+<p>Per step, as a master that steps in turn does it: give the aerodynamic FMU the <code>displacement</code> of the
+structural one and step it; give the structural FMU its {loads} and step it. Repeat until <code>displacement</code> no
+longer changes: a kite takes some 20 rounds to 1e-5 m, twice as many where both are stepped at once and nothing changes
+at every second round. That is the explicit scheme: it need not settle, and a kite may have several equilibria (folded
+tips, rolled over), so look at lift and span of the one that was reached. Passing on only a part of each change, or a
+master that accelerates (the command line of this project), settles where it does not.</p>
+"""
+ALONE = """<h2>Without a flow</h2>
+<p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
+equilibrium under gravity, the point loads among the parameters, and what was set.</p>
+"""
+TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
+pivot, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the angle at which wind and
+weight leave no pitching moment in the wind given there. In another wind, or far from that angle, the first steps are
+further from equilibrium and may fail, or lead to another one. Give both FMUs the same value before they are
+initialised.</p>
+"""
+SIGNS = """<h2>Indices and signs</h2>
+<p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
+where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its normal is along its area
+vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code> pushes along the normal,
+to the suction side: its force is pressure · a. {shear}A corner
+that is listed twice makes a triangle. All indices count from 1, as in the names of the scalars.</p>
+"""
+SHEAR = "That of <code>shear</code> is shear · |a|, along the global axes. "

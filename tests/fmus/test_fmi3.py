@@ -1,0 +1,219 @@
+"""FMUs of FMI 3.0: the same solvers with whole arrays as variables. Exact equality with those of FMI 2.0 throughout."""
+
+import ctypes
+import shutil
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy import fmi3
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+from lxml import etree
+
+from fmus import builder
+from fmus.builder import build
+from tests.fmus.cases import PLAIN, label, start
+from tests.fmus.importer import Importer
+
+DISCARD, ERROR = 2, 3
+TYPES = {"Float64": ctypes.c_double, "Int32": ctypes.c_int32, "Boolean": ctypes.c_bool}
+
+pytestmark = pytest.mark.skipif(
+    builder.own_binary() is None, reason="not run: no C compiler was there when the project was installed"
+)
+
+
+class Arrays:
+    """One instance of an FMU of FMI 3.0; `log` holds (status, message)."""
+
+    def __init__(self, path, initialise=True):
+        self.folder = fmpy.extract(str(path))
+        description = fmpy.read_model_description(self.folder)
+        self.variables = {v.name: v for v in description.modelVariables}
+        self.log = []
+        self.slave = fmi3.FMU3Slave(
+            guid=description.guid,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            unzipDirectory=self.folder,
+            instanceName="x",
+        )
+        self.slave.instantiate(logMessage=lambda _, status, category, text: self.log.append((status, text.decode())))
+        if initialise:
+            self.slave.enterInitializationMode()
+            self.slave.exitInitializationMode()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.slave.terminate()
+        self.slave.freeInstance()
+        shutil.rmtree(self.folder)
+
+    def shape(self, name):
+        return tuple(int(d.start) for d in self.variables[name].dimensions)
+
+    def _call(self, verb, name, values):
+        kind = self.variables[name].type
+        memory = (TYPES[kind] * len(values))(*values)
+        reference = (ctypes.c_uint32 * 1)(self.variables[name].valueReference)
+        getattr(self.slave, f"fmi3{verb}{kind}")(self.slave.component, reference, 1, memory, len(values))
+        return np.array(memory)
+
+    def set(self, name, values):
+        kind = {"Float64": float, "Int32": int, "Boolean": bool}[self.variables[name].type]
+        self._call("Set", name, [kind(value) for value in np.ravel(values)])
+
+    def get(self, name):
+        size = int(np.prod(self.shape(name), dtype=int))
+        return self._call("Get", name, [0] * size).reshape(self.shape(name))
+
+
+@pytest.fixture(scope="module", params=PLAIN, ids=label)
+def pair(request, tmp_path_factory):
+    """A scene, and its FMUs of FMI 3.0 and of 2.0."""
+    import scenes
+
+    scene = scenes.load(*request.param)
+    folder = tmp_path_factory.mktemp("fmi3")
+    return scene, build(scene, folder, start(scene), fmi=3), build(scene, folder, start(scene), reference=False)
+
+
+def test_the_validator_and_the_schema_find_no_problem(pair):
+    schema = etree.XMLSchema(etree.parse(f"{fmpy.__path__[0]}/schema/fmi3/fmi3ModelDescription.xsd"))
+    for path in pair[1]:
+        assert path.name.endswith("_fmi3.fmu")
+        assert validate_fmu(str(path)) == []
+        folder = fmpy.extract(str(path))
+        schema.assertValid(etree.parse(f"{folder}/modelDescription.xml"))
+        shutil.rmtree(folder)
+
+
+def test_every_block_is_one_variable_with_the_dimensions_of_the_core(pair):
+    for core, path in zip(pair[0].cores().values(), pair[1], strict=True):
+        described = {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables}
+        assert set(described) == {v.name for v in core.variables} | {"time"}
+        for v in core.variables:
+            assert tuple(int(d.start) for d in described[v.name].dimensions) == v.shape
+            assert described[v.name].unit == (v.unit if v.kind == "real" else None)
+
+
+def test_an_exchange_gives_what_fmus_of_fmi_2_give_beside_it_in_the_process_to_the_last_bit(pair):
+    _, three, two = pair
+    if len(three) == 1:
+        with Arrays(three[0]) as array, Importer(two[0]) as scalar:
+            for t in range(3):
+                array.set("pressure", np.full(array.shape("pressure"), t + 1.0))
+                scalar.set(pressure=t + 1.0)
+                array.slave.doStep(float(t), 1.0)
+                scalar.slave.doStep(float(t), 1.0)
+                assert np.ravel(array.get("displacement")).tolist() == scalar.get("displacement")
+        return
+    with Arrays(three[0]) as s3, Arrays(three[1]) as a3, Importer(two[0]) as s2, Importer(two[1]) as a2:
+        loads = [name for name in ("pressure", "shear", "line_load") if name in a3.variables]
+        for t in range(10):
+            a3.slave.doStep(float(t), 1.0)
+            a2.slave.doStep(float(t), 1.0)
+            for name in loads:
+                s3.set(name, a3.get(name))
+                s2.set(**{name: a2.get(name)})
+            s3.slave.doStep(float(t), 1.0)
+            s2.slave.doStep(float(t), 1.0)
+            a3.set("displacement", s3.get("displacement"))
+            a2.set(displacement=s2.get("displacement"))
+            for array, scalar in ((s3, s2), (a3, a2)):
+                for name in array.variables.keys() - {"time"}:
+                    assert np.ravel(array.get(name)).tolist() == scalar.get(name), name
+        assert float(a3.get("time")) == 10.0
+
+
+def test_a_state_repeats_the_steps_also_serialised_in_a_new_instance(pair):
+    scene, path = pair[0], pair[1][0]
+    with Arrays(path) as fmu, Arrays(path) as other:
+        loads = {"pressure": np.ones(fmu.shape("pressure"))}
+        if scene.has_flow:  # of the wing as it starts, so that there is an equilibrium
+            flow = scene.aero_core()
+            for name, value in start(scene).items():
+                flow.set(name, value)
+            loads = {name: flow.get(name) for name in ("pressure", "shear", "line_load") if name in fmu.variables}
+
+        def steps(instance):
+            found = []
+            for t in range(3):
+                for name, values in loads.items():
+                    instance.set(name, (1.0 + 0.1 * t) * values)
+                instance.slave.doStep(float(t), 1.0)
+                found.append(instance.get("displacement").tolist())
+            return found
+
+        steps(fmu)
+        state = fmu.slave.getFMUState()
+        content = fmu.slave.serializeFMUState(state)
+        expected = steps(fmu)
+        fmu.slave.setFMUState(state)
+        assert steps(fmu) == expected
+        fmu.slave.freeFMUState(state)
+        copy = other.slave.deserializeFMUState(content)
+        other.slave.setFMUState(copy)
+        other.slave.freeFMUState(copy)
+        assert steps(other) == expected
+
+
+def test_what_does_not_fit_is_refused_and_the_old_values_stay(pair):
+    with Arrays(pair[1][0]) as fmu:
+        before = fmu.get("pressure")
+        bad = before.copy()
+        bad[1] = np.nan
+        with pytest.raises(FMICallException, match="error"):
+            fmu.set("pressure", bad)
+        assert fmu.log[-1] == (ERROR, "pressure[2] must be finite, not nan; it stays 0 Pa.")
+        with pytest.raises(FMICallException, match="error"):
+            fmu.set("pressure", before[:-1])
+        assert fmu.log[-1] == (ERROR, f"There are {before.size - 1} values for {before.size} scalars.")
+        with pytest.raises(FMICallException, match="error"):
+            fmu.set("displacement", fmu.get("displacement"))
+        assert "cannot be set: it is an output" in fmu.log[-1][1]
+        np.testing.assert_array_equal(fmu.get("pressure"), before)
+        with pytest.raises(FMICallException, match="discard"):
+            fmu.slave.doStep(0.0, 1.0)
+        fmu.slave.doStep(0.0, 1.0)
+        if "trim_angle" in fmu.variables:
+            with pytest.raises(FMICallException, match="error"):
+                fmu.set("trim_angle", [0.1])
+            assert "fixed parameter" in fmu.log[-1][1]
+
+
+def test_types_that_no_variable_has_and_events_are_refused_with_a_sentence(pair):
+    with Arrays(pair[1][0]) as fmu:
+        with pytest.raises(FMICallException, match="error"):
+            fmu.slave.fmi3GetFloat32(fmu.slave.component, (ctypes.c_uint32 * 1)(0), 1, (ctypes.c_float * 1)(), 1)
+        assert fmu.log[-1] == (ERROR, "fmi3GetFloat32 is not supported.")
+        with pytest.raises(FMICallException, match="error"):
+            fmu.slave.fmi3EnterEventMode(fmu.slave.component)
+        fmu.slave.doStep(0.0, 1.0)
+
+
+def test_two_builds_give_the_same_bytes_and_other_bytes_than_fmi_2(pair, tmp_path):
+    again = build(pair[0], tmp_path, start(pair[0]), fmi=3)
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in pair[1]]
+
+
+def test_fmpy_simulates_it(pair):
+    path = pair[1][-1]
+    name = "CL" if pair[0].has_flow else "support_force"
+    rows = fmpy.simulate_fmu(str(path), stop_time=3.0, output_interval=1.0, output=[name])
+    assert rows["time"].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert np.all(np.isfinite(rows[name]))
+
+
+def test_without_the_projects_binary_there_is_none(monkeypatch, tmp_path, scene):
+    monkeypatch.setattr(builder, "own_binary", lambda: None)
+    with pytest.raises(ValueError, match="install a C compiler"):
+        build(scene, tmp_path / "out", fmi=3)
+    assert not (tmp_path / "out").exists()
+
+
+def test_there_is_no_other_version(scene, tmp_path):
+    with pytest.raises(ValueError, match="FMI 2 or 3, not 1"):
+        build(scene, tmp_path / "out", fmi=1)
