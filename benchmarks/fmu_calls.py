@@ -1,35 +1,18 @@
 """Random calls of FMI 2.0, most of them wrong, and what has to hold of every one of them."""
 
-import re
 from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p, create_string_buffer
 
 import numpy as np
 
 from .fmu_raw import CATEGORIES, DISCARD, ERROR, OK, START, TYPES
+from .fmu_values import reals, references, sentence
 
-LEAKS = re.compile(r"Traceback|\b[A-Z]\w*(Error|Warning|Exception|Interrupt)\b|<\w+ object|\n|array\(")
-ODD = (np.nan, np.inf, -np.inf, -0.0, 0.0, 5e-324, 1e300, -1e300, 1.7976931348623157e308)
 TIMES = (0.0, 1.0, 0.5, -1.0, 1e-300, 1e9, 1e300, -1e300, np.nan, np.inf, 5e-324, 1e-9)
 NAMES = (b"logStatusError", b"logStatusDiscard", b"logAll", b"", b"%n%s", b"logStatusError ", b"\xff\xfe", b"x" * 5000)
 
 
 class Broken(AssertionError):
     """What did not hold."""
-
-
-def sentence(text):
-    """What is wrong with a message, or nothing. It goes to a printf: per cent signs come doubled."""
-    try:
-        plain = text.decode()
-    except UnicodeDecodeError:
-        return "is not UTF-8"
-    if "%" in plain.replace("%%", ""):
-        return "has a lone per cent sign"
-    if LEAKS.search(plain):
-        return "shows what only Python knows"
-    if not re.match(r"[A-Za-z]", plain) or not plain.endswith(".") or not 10 <= len(plain) <= 600:
-        return "is no sentence"
-    return ""
 
 
 class Sequence:
@@ -70,93 +53,46 @@ class Sequence:
     def kind(self):
         return str(self.rng.choice(list(TYPES), p=(0.8, 0.1, 0.1)))
 
-    def references(self):
-        """Told, value references, and whether they are known."""
-        rng, size = self.rng, self.one.library.size
-        names = list(self.one.library.blocks)
-        match int(rng.integers(11)):
-            case 10:
-                of = self.one.library.places("parameter", kind="Real")
-                return "parameters", rng.permutation(of)[: int(rng.integers(1, len(of) + 1))].tolist()
-            case 0 | 1 | 2 | 3:
-                settable = [n for n, (_, c, _) in self.one.library.blocks.items() if c != "output"]
-                name = str(rng.choice(settable))
-                return name, self.one.library.blocks[name][2]
-            case 4:
-                name = str(rng.choice(names))
-                return name, self.one.library.blocks[name][2]
-            case 5 | 6:
-                few = self.one.library.places("input", "parameter")
-                return "one", [int(rng.choice(few))]
-            case 7:
-                return "scattered", rng.integers(0, size, int(rng.integers(1, 20))).tolist()
-            case 8:
-                few = self.one.library.places("input", "parameter", kind="Real")
-                return "repeated", rng.choice(few, int(rng.integers(1, 30))).tolist()
-            case _:
-                odd = ([], [size], [2**32 - 1], [2**31], [0, size + 5], list(range(size)), [0] * 10000)
-                return "odd", list(odd[int(rng.integers(len(odd)))])
-
-    def reals(self, old):
-        """Told, and values near or far from old ones."""
-        rng, n = self.rng, len(old)
-        base = np.where(np.isfinite(old) & (old != 0.0), old, 0.01 * rng.standard_normal(n))
-        match int(rng.integers(8)):
-            case 0 | 1:
-                return "near", base * (1.0 + 0.02 * rng.standard_normal(n))
-            case 2:
-                return "times", base * 10.0 ** rng.uniform(-3, 9)
-            case 3:
-                return "one far", np.where(np.arange(n) == rng.integers(max(n, 1)), base * 10.0 ** rng.uniform(3, 9), base)
-            case 4:
-                return "one odd", np.where(np.arange(n) == rng.integers(max(n, 1)), rng.choice(ODD), base)
-            case 5:
-                return "all odd", np.full(n, rng.choice(ODD))
-            case 6:
-                return "any", rng.standard_normal(n) * 10.0 ** rng.uniform(-9, 9)
-            case _:
-                return "same", old
-
     def set(self):
         kind = self.kind()
-        told, references = self.references()
-        known = [self._kind_of(r) for r in references]
+        told, places = references(self.rng, self.one.library)
+        known = [self._kind_of(r) for r in places]
         if known and all(k is not None for k in known) and self.rng.random() < 0.85:
             kind = known[0]  # mostly the right type
         fits = all(k == kind for k in known)
-        old = self.one.get(kind, references)[1] if fits else np.zeros(len(references))
+        old = self.one.get(kind, places)[1] if fits else np.zeros(len(places))
         if kind == "Real":
             with np.errstate(all="ignore"):  # which is what is wanted here
-                how, values = self.reals(old)
+                how, values = reals(self.rng, old)
         else:
-            how, values = "whole", self.rng.choice([0, 1, 1, 2, -1, 2**31 - 1, -(2**31)], len(references))
+            how, values = "whole", self.rng.choice([0, 1, 1, 2, -1, 2**31 - 1, -(2**31)], len(places))
         expected = None
         if not fits or (kind == "Real" and not np.isfinite(values).all()):
             expected = ERROR
-        elif not references:
+        elif not places:
             expected = OK
         before = self.one.values("input", "parameter") if self.rng.random() < 0.6 else None
-        status = self.one.set(kind, references, values)
-        self.check(f"Set{kind} {told}[{len(references)}] {how} {np.asarray(values)[:3].tolist()}", status, expected)
+        status = self.one.set(kind, places, values)
+        self.check(f"Set{kind} {told}[{len(places)}] {how} {np.asarray(values)[:3].tolist()}", status, expected)
         if before is not None and status != OK and self.one.values("input", "parameter") != before:
             raise Broken("a refused value that did not leave the old ones")
 
     def _kind_of(self, reference):
-        for kind, _, places in self.one.library.blocks.values():
-            if places[0] <= reference <= places[-1]:
+        for kind, _, own in self.one.library.blocks.values():
+            if own[0] <= reference <= own[-1]:
                 return kind
         return None
 
     def get(self):
         kind = self.kind()
-        told, references = self.references()
-        fits = all(self._kind_of(r) == kind for r in references)
-        status, _ = self.one.get(kind, references)
-        self.check(f"Get{kind} {told}[{len(references)}]", status, None if fits else ERROR)
+        told, places = references(self.rng, self.one.library)
+        fits = all(self._kind_of(r) == kind for r in places)
+        status, _ = self.one.get(kind, places)
+        self.check(f"Get{kind} {told}[{len(places)}]", status, None if fits else ERROR)
 
     def strings(self):
-        verb, references = str(self.rng.choice(["Get", "Set"])), list(range(int(self.rng.integers(3))))
-        self.check(f"{verb}String", self.one.strings(verb, references), ERROR if references else OK)
+        verb, places = str(self.rng.choice(["Get", "Set"])), list(range(int(self.rng.integers(3))))
+        self.check(f"{verb}String", self.one.strings(verb, places), ERROR if places else OK)
 
     # Steps and life
 
@@ -213,7 +149,9 @@ class Sequence:
                 self.bad.discard(old.value)
             case "restore":
                 told, state = self.handle()
-                self.check(f"SetFMUstate {told}", self.one.call("SetFMUstate", state), None if told == "kept" else ERROR)
+                self.check(
+                    f"SetFMUstate {told}", self.one.call("SetFMUstate", state), None if told == "kept" else ERROR
+                )
             case "free":
                 told, state = self.handle()
                 value = state.value

@@ -1,4 +1,4 @@
-"""Whether FMUs leave anything behind: a thousand times made, initialised, stepped and freed, each way in its own process."""
+"""Whether FMUs leave anything behind: a thousand times made, initialised, stepped and freed, each way in a process."""
 
 import json
 import os
@@ -79,7 +79,11 @@ def cycles_in_process(way, folders, cycles):
 def left_behind(settled, end):
     """What has grown, in words; nothing where all is in order."""
     grown = [f"{end[0] - settled[0]:.2f} MB"] if end[0] - settled[0] > BOUND else []
-    grown += [f"{b - a} {what}" for a, b, what in zip(settled[1:], end[1:], ("mapped files", "open files"), strict=True) if b > a]
+    grown += [
+        f"{b - a} {what}"
+        for a, b, what in zip(settled[1:], end[1:], ("mapped files", "open files"), strict=True)
+        if b > a
+    ]
     return ", ".join(grown)
 
 

@@ -188,11 +188,12 @@ def fuzz(quick):
         rows.append([fmu, len(own), calls, *statuses, f"{seconds:.2f}", f"fmi2{name}"])
     head = ["FMU", "sequences", "calls", "judged OK", "Discard", "Error", "slowest call, s", "which"]
     told = (
-        f"Seed {SEED}; {minutes:.1f} minutes in {os.cpu_count()} processes. Half of the sequences begin from a coupled state, "
-        "half from a new or reset instance. In every one: no end of the process, no call above 20 s (100 s of the inflatable wings), no status but OK, "
-        "Discard and Error, a sentence of that status for the latter two and none for the first, the old values after a "
-        "refused one, the old outputs after a discarded step, finite ones after any other; and after the coupled state "
-        "was restored, a step to the same bits as in the process that made it."
+        f"Seed {SEED}; {minutes:.1f} minutes in {os.cpu_count()} processes. Half of the sequences begin from a coupled "
+        "state, half from a new or reset instance. In every one: no end of the process, no call above 20 s (100 s of "
+        "the inflatable wings), no status but OK, Discard and Error, a sentence of that status for the latter two and "
+        "none for the first, the old values after a refused one, the old outputs after a discarded step, finite ones "
+        "after any other; and after the coupled state was restored, a step to the same bits as in the process that "
+        "made it."
     )
     return lines(table(head, rows), told)
 

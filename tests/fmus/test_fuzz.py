@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from benchmarks.fmu_calls import sentence
 from benchmarks.fmu_cycles import WAYS, cycles_in_process, left_behind
 from benchmarks.fmu_fuzz import SEED, SHARES, campaign, unpacked
+from benchmarks.fmu_values import sentence
 from fmus import builder
 
 pytestmark = pytest.mark.skipif(builder.own_binary() is None, reason="no C compiler was there at installation")
