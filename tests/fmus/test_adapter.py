@@ -244,6 +244,22 @@ def test_a_vector_that_the_core_refuses_as_a_whole_has_its_old_values_after_the_
         assert aero.get("wind_direction") == [0.0, 0.0, 1.0]
 
 
+@pytest.mark.parametrize("initialise", [True, False])
+def test_a_call_of_which_the_core_refuses_one_value_sets_none(toy_path, initialise):
+    with Importer(toy_path, initialise) as toy:
+        names = ["gain", "load[1,1]", "load[2,2]"]
+        references = [toy.references[name] for name in names]
+        toy.slave.setReal(references, [0.5, 1.0, 2.0])
+        with pytest.raises(FMICallException):
+            toy.slave.setReal(references, [1001.0, 8.0, 9.0])
+        assert toy.log[-1] == (ERROR, "gain must be finite and a gain at most 1000.")
+        assert list(toy.slave.getReal(references)) == [0.5, 1.0, 2.0]
+        if not initialise:
+            toy.slave.exitInitializationMode()
+        assert [step(toy), step(toy)] == [DISCARD, 0]
+        assert toy.get("position")[0] == np.sin(0.5 * 1.0)
+
+
 def test_a_tunable_parameter_acts_from_the_next_step_on(toy):
     toy.set(load=1.0)
     assert step(toy) == 0

@@ -116,7 +116,7 @@ def test_the_last_successful_time_is_where_a_discarded_step_began(toy):
     assert last_time(toy) == 1.5
 
 
-@pytest.mark.parametrize("chosen", ["logStatusDiscard", "logStatusError", None])
+@pytest.mark.parametrize("chosen", ["logStatusDiscard", "logStatusError", "logAll", None])
 def test_a_log_category_that_is_offered_is_logged_when_chosen_and_else_not(toy, chosen):
     with zipfile.ZipFile(toy.path) as archive:
         categories = etree.fromstring(archive.read("modelDescription.xml")).find("LogCategories")
@@ -128,9 +128,8 @@ def test_a_log_category_that_is_offered_is_logged_when_chosen_and_else_not(toy, 
     place, one = (ctypes.c_uint * 1)(toy.references["position[1,1]"]), ctypes.c_size_t(1)
     assert call(toy, "fmi2SetReal", place, one, (ctypes.c_double * 1)(1.0)) == ERROR  # refused at once
     assert step(toy, 0.0) == DISCARD
-    assert [status for status, _ in toy.log] == {"logStatusDiscard": [DISCARD], "logStatusError": [ERROR]}.get(
-        chosen, []
-    )
+    heard = {"logStatusDiscard": [DISCARD], "logStatusError": [ERROR], "logAll": [ERROR, DISCARD]}
+    assert [status for status, _ in toy.log] == heard.get(chosen, [])
 
 
 def test_a_state_holds_whether_start_values_may_still_be_set(toy_path):

@@ -282,3 +282,33 @@ def test_canopy_mass_of_quads_that_share_an_edge_is_the_sum_of_the_table(tmp_pat
     edited(folder, "nodes.csv", "ground_le_left", "tail_left,2.0,-0.5,0.0,\ntail_right,2.0,0.5,0.0,\nground_le_left")
     edited(folder, "canopy.csv", "1.0e8,0.0", "1.0e8,6.0\ntail,te_left tail_left tail_right te_right,1.0e8,3.0")
     assert scenes.load(folder).members.mass.sum() == pytest.approx(9.0, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("place", "size", "block"),
+    [((4, 2), 1e200, "pressure"), ((9, 1), 1e100, "pressure"), ((30, 1), -1e300, "line_force")],
+)
+def test_results_that_no_number_holds_fail_the_step_and_leave_those_of_the_last_one(place, size, block):
+    _, air = _pair("v3_kite")
+    air.step(0.0, 1.0)
+    before, good = _all(air), air.get("displacement")
+    moved = good.copy()
+    moved[place] = size
+    air.set("displacement", moved)
+    with pytest.raises(scenes.StepFailed, match=f"^{block} is not finite; what was set is too large.$"):
+        air.step(1.0, 1.0)
+    air.set("displacement", good)
+    assert _same(_all(air), before)
+    air.step(2.0, 1.0)
+    assert air.get("CL") == pytest.approx(before["CL"], rel=1e-9)  # Newton converges to 1e-10 of U c / 2
+
+
+@pytest.mark.parametrize("length", [1e-300, 2.0**40, 1e300])
+def test_the_length_of_the_wind_direction_does_not_matter_however_small_or_large(length):
+    loads = []
+    for factor in (1.0, length):
+        _, air = _pair("v3_kite")
+        air.set("wind_direction", factor * np.array([1.0, 0.0, 0.125]))
+        air.step(0.0, 1.0)
+        loads.append(air.get("pressure"))
+    assert loads[1] == pytest.approx(loads[0], rel=1e-12)  # rounding of the product with the length
