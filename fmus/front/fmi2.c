@@ -235,7 +235,12 @@ EXPORT int fmi2SetupExperiment(void *component, int tolerant, double tolerance, 
 {
     Front *const front = begun(component);
     (void)tolerant, (void)tolerance, (void)stops, (void)stop; /* the solvers have tolerances of their own */
-    return front == NULL ? ERROR : judged(front, slave_setup(&front->slave, start));
+    if (front == NULL)
+        return ERROR;
+    const int status = judged(front, slave_setup(&front->slave, start));
+    if (status == OK)
+        front->last = start;
+    return status;
 }
 
 static int called(void *component, const char *method)
@@ -259,6 +264,7 @@ EXPORT int fmi2Reset(void *component)
     slave_free(&front->slave);
     front->slave = fresh;
     front->discarded = 0;
+    front->last = 0.0;
     return judged(front, 1);
 }
 

@@ -114,6 +114,12 @@ def test_the_last_successful_time_is_where_a_discarded_step_began(toy):
     toy.slave.setInteger([trouble], [0])
     assert step(toy, 1.0, 0.5) == OK
     assert last_time(toy) == 1.5
+    toy.slave.reset()
+    assert last_time(toy) == 0.0
+    toy.slave.setupExperiment(startTime=4.0)
+    assert last_time(toy) == 4.0
+    toy.slave.enterInitializationMode()
+    toy.slave.exitInitializationMode()
 
 
 @pytest.mark.parametrize("chosen", ["logStatusDiscard", "logStatusError", "logAll", None])
