@@ -13,7 +13,7 @@ from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)  # fmi2Status
 CATEGORIES = {DISCARD: "logStatusDiscard", ERROR: "logStatusError"}
 # Seconds after which a call is taken to hang. The slowest that ends is a first step that fails, of two solves of 600
-# Newton iterations each: 4 s alone for the simple wings, 25 s for the inflatable ones, which have many scalars.
+# Newton iterations each: 4 s for the simple wings, 34 s for the inflatable ones, which have many scalars.
 LIMIT, LIMIT_LARGE, LARGE = 20.0, 100.0, 1000
 START = (("SetupExperiment", 0, 0.0, 0.0, 0, 0.0), ("EnterInitializationMode",), ("ExitInitializationMode",))
 TYPES = {"Real": np.float64, "Integer": np.int32, "Boolean": np.int32}
