@@ -4,7 +4,7 @@
    The binary of PythonFMU and the extension modules of numpy link no libpython: they expect its symbols in the process.
    A host that is Python has them. Any other would have to be started with LD_PRELOAD, were it not for this. */
 
-#define _GNU_SOURCE /* RTLD_DEFAULT, pipe2 */
+#define _GNU_SOURCE /* RTLD_DEFAULT, pipe2, flock */
 
 #include "front.h"
 
@@ -17,6 +17,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/wait.h>
 #include <unistd.h>
 #include <wchar.h>
@@ -128,30 +129,37 @@ static int start(const char *library, const char *program, char *paths, char *wh
     return 1;
 }
 
-int front_start_python(char *why, size_t size)
+/* Shuts out the other threads of the process, those in the binaries of other FMUs too, and opens again by `unlock`. The
+   lock of a file belongs to the opening, not to the process. Where it cannot be had, only this FMU is guarded. */
+static int locked(void)
 {
-    char none[] = "";
-    if (dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL) { /* a host that is Python, or that was given its library */
-        pthread_mutex_lock(&lock);
-        const int ready = start(NULL, NULL, none, why, size);
-        pthread_mutex_unlock(&lock);
-        return ready;
-    }
-    static const char *const usual[] = {"python3", "python", NULL};
-    const char *const chosen[] = {getenv(VARIABLE), NULL};
-    const char *const *candidates = chosen[0] != NULL && *chosen[0] != '\0' ? chosen : usual;
+    pthread_mutex_lock(&lock);
+    const int file = open("/proc/self/exe", O_RDONLY | O_CLOEXEC);
+    while (file >= 0 && flock(file, LOCK_EX) != 0 && errno == EINTR)
+        ;
+    return file;
+}
+
+static void unlock(int file)
+{
+    if (file >= 0)
+        close(file);
+    pthread_mutex_unlock(&lock);
+}
+
+/* Starts the first of `candidates` that will do. */
+static int found(const char *const *candidates, char *why, size_t size)
+{
     char *const answer = malloc(ANSWER);
-    int done = 0;
-    size_t length = 0;
+    int done = 0, failed = 0;
 
     if (answer == NULL) {
         say(why, size, "Out of memory.");
         return 0;
     }
-    pthread_mutex_lock(&lock);
     say(why, size, "No Python was found for the FMU:");
-    for (; !done && *candidates != NULL; ++candidates) {
-        length = strlen(why);
+    for (; !done && !failed && *candidates != NULL; ++candidates) {
+        const size_t length = strlen(why);
         if (!ask(*candidates, answer)) {
             say(why + length, size - length, " %s cannot be run;", *candidates);
         } else if (*answer == '!') {
@@ -159,21 +167,34 @@ int front_start_python(char *why, size_t size)
         } else {
             char *const program = strchr(answer, '\n');
             char *const paths = program != NULL ? strchr(program + 1, '\n') : NULL;
-            if (paths != NULL) {
-                *program = *paths = '\0';
-                done = start(answer, program + 1, paths + 1, why, size);
-                if (!done)
-                    break;
+            if (paths == NULL) {
+                say(why + length, size - length, " %s gives no answer;", *candidates);
+                continue;
             }
+            *program = *paths = '\0';
+            done = start(answer, program + 1, paths + 1, why, size);
+            failed = !done;
         }
     }
-    if (!done && strncmp(why, "No Python", 9) == 0) {
-        length = strlen(why);
+    if (!done && !failed) {
+        const size_t length = strlen(why);
         say(why + length, size - length,
             " set %s to a Python 3.11 or newer with numpy, scipy and a shared library (see `kitecosim host-env`).",
             VARIABLE);
     }
-    pthread_mutex_unlock(&lock);
     free(answer);
+    return done;
+}
+
+int front_start_python(char *why, size_t size)
+{
+    static const char *const usual[] = {"python3", "python", NULL};
+    const char *const chosen[] = {getenv(VARIABLE), NULL};
+    char none[] = "";
+    const int file = locked();
+    const int there = dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL; /* a host that is Python, or was given its library */
+    const int done = there ? start(NULL, NULL, none, why, size)
+                           : found(chosen[0] != NULL && *chosen[0] != '\0' ? chosen : usual, why, size);
+    unlock(file);
     return done;
 }

@@ -38,6 +38,7 @@ static struct {
     void *(*string)(void *);
     void (*release)(void *);
     void *(*import)(const char *);
+    int (*running)(void);
 } py;
 
 /* In the order of the functions above. */
@@ -46,7 +47,7 @@ static const char *const NAMES[] = {
     "Py_CompileString", "PyEval_EvalCode", "PyDict_GetItemString", "PyMemoryView_FromMemory", "PyList_GetItem",
     "PyList_Size", "PyTuple_GetItem", "PyLong_AsLong", "PyUnicode_AsUTF8AndSize", "PyBytes_AsStringAndSize",
     "PyObject_IsTrue", "PyErr_Fetch", "PyErr_NormalizeException", "PyErr_Clear", "PyObject_Str", "Py_DecRef",
-    "PyImport_ImportModule"};
+    "PyImport_ImportModule", "Py_IsInitialized"};
 
 /* Makes the slave of an FMU whose folder of resources need not be in Python's search path. */
 static const char MAKE[] =
@@ -182,6 +183,8 @@ int slave_make(Slave *slave, const char *name, const char *resources, int visibl
 
 void slave_free(Slave *slave)
 {
+    if (!py.running()) /* a host that is Python has ended, and with it the object */
+        return;
     const int gil = py.ensure();
     py.release(slave->queue);
     py.release(slave->object);
@@ -275,6 +278,8 @@ int slave_read(Slave *slave, const char *bytes, size_t size, void **state)
 
 void slave_release(void *object)
 {
+    if (object == NULL || !py.running())
+        return;
     const int gil = py.ensure();
     py.release(object);
     py.leave(gil);

@@ -42,10 +42,10 @@ def compiler():
     return f"gcc {program(['gcc', '-dumpfullversion'], ROOT).stdout.strip()}"
 
 
-def compiled(folder, *flags):
+def compiled(folder, *flags, sources=SOURCES):
     """The program."""
     target = folder / "host"
-    command = ["gcc", *FLAGS, *flags, *map(str, SOURCES), "-o", str(target), "-ldl", "-lpthread"]
+    command = ["gcc", *FLAGS, *flags, *map(str, sources), "-o", str(target), "-ldl", "-lpthread"]
     done = program(command, folder)
     assert done.returncode == 0, done.stderr
     return target

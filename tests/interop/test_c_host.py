@@ -1,10 +1,13 @@
 """A host in plain C couples the pair: same values, states that come back, refusals, threads, and a clean exit."""
 
+from pathlib import Path
+
+import fmpy
 import numpy as np
 import pytest
 
 from tests.interop import reference
-from tests.interop.c_host import ENVIRONMENTS, compiled, compiler, environment, lacking, steps, wiring
+from tests.interop.c_host import ENVIRONMENTS, SOURCES, compiled, compiler, environment, lacking, steps, wiring
 from tests.interop.tools import Row, program
 
 TUNED = 12.5  # m/s, set before the last two steps
@@ -54,6 +57,24 @@ def test_a_c_host_ends_by_itself_with_exit_code_0(ended):
     assert done.stdout.splitlines()[-1] == "done", done.stderr
     assert done.returncode == 0
     assert done.stderr == ""
+
+
+def test_both_fmus_may_be_the_first_in_the_process_in_two_threads_at_once(shell, tmp_path):
+    if reason := lacking():
+        Row.not_run(reason)
+    host = compiled(tmp_path, sources=[SOURCES[0].parent / "at_once.c"])
+    arguments = []
+    for side in ("aero", "structural"):
+        folder = fmpy.extract(str(shell.folder / f"my_fmus/v3_kite_{side}.fmu"), str(tmp_path / side))
+        place = Path(folder)
+        arguments += [
+            str(place / f"binaries/linux64/v3_kite_{side}.so"),
+            fmpy.read_model_description(folder).guid,
+            (place / "resources").as_uri(),
+        ]
+    for _ in range(5):  # they meet anew each time
+        done = program([str(host), *arguments], tmp_path, environment("host-env"))
+        assert (done.stdout, done.stderr, done.returncode) == ("done\n", "", 0)
 
 
 def test_a_c_host_tunes_a_parameter_and_goes_on_after_a_refusal(host, shell, tmp_path):
