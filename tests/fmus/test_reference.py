@@ -16,10 +16,10 @@ from xml.etree import ElementTree
 import fmpy
 import numpy as np
 import pytest
+import scipy
 from packaging.requirements import Requirement
 
 import scenes
-import scipy
 from fmus.builder import build, own_binary
 from fmus.picture import VIEWS, drawing
 from fmus.reference import RELATIVE, STEPS, reference_tables
@@ -141,7 +141,7 @@ def test_the_drawing_has_each_line_and_tube_of_the_structure_and_the_exposed_lin
 
 @pytest.mark.parametrize(("direction", "seen"), [((1.0, 0.0, 0.0), "from the left"), ((0.0, -2.0, 0.0), "from behind")])
 def test_the_arrow_points_where_the_wind_goes(scene, direction, seen):
-    """In the view that shows it to the right, or to the left, it is level and has its length; towards z it would not."""
+    """Level, and to the right or to the left of the view, as it is seen from there."""
     root = ElementTree.fromstring(drawing(scene, "aero", ("wind", np.array(direction))))
     view = next(view for view in root.iterfind(f"{SVG}g") if view.find(f"{SVG}text").text == seen)
     (arrow,) = [path for path in view.iter(f"{SVG}path") if path.get("class") == "w"]
