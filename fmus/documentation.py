@@ -78,7 +78,7 @@ def external_dependencies() -> str:
 
 
 def _about(variable: Variable) -> str:
-    return variable.description + (" (each by name below)" if variable.labels else "")
+    return variable.description + (" (each named below)" if variable.labels else "")
 
 
 def _shape(variable: Variable) -> str:
