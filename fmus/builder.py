@@ -1,6 +1,5 @@
 """Builds the structural and the aerodynamic FMU of a scene: one zip each, the same bytes for the same inputs."""
 
-import contextlib
 import hashlib
 import importlib.util
 import io
@@ -13,7 +12,6 @@ import sysconfig
 import uuid
 import zipfile
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -24,10 +22,10 @@ import pythonfmu
 from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.arrays import array_description
-from fmus.description import PROJECT
 from fmus.documentation import external_dependencies, page
+from fmus.licences import licences
 from fmus.picture import icon
-from fmus.reference import reference_tables
+from fmus.reference import options, reference_tables
 from fmus.sharing import PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
@@ -36,7 +34,8 @@ NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder besi
 BINARIES = Path("resources", "binaries")
 # What only building needs, and an FMU does not carry.
 BUILDING = {
-    f"fmus/{name}.py" for name in ("arrays", "builder", "documentation", "host", "picture", "reference", "ssp", "texts")
+    f"fmus/{name}.py"
+    for name in ("arrays", "builder", "documentation", "host", "licences", "picture", "reference", "ssp", "texts")
 }
 BUILDING |= {f"pythonfmu/{name}.py" for name in ("__main__", "csvbuilder", "deploy")}
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
@@ -116,6 +115,7 @@ def _scene_files(
     if tables is not None:
         steps = tables[0].count("\n") - 1
         files |= {f"documentation/{name}_{k}.csv": t.encode() for k, t in zip(("in", "ref"), tables, strict=True)}
+        files[f"documentation/{name}_ref.opt"] = options(steps).encode()
     files["documentation/index.html"] = page(instance, scene, side, steps, own_binary() is not None, fmi).encode()
     files["model.png" if fmi == 2 else "terminalsAndIcons/icon.png"] = icon(scene, side)
     return files
@@ -142,7 +142,7 @@ def archive(name: str, instance: CoreFmu, files: dict[str, bytes], fmi: int = 2)
     files |= {f"binaries/{path}": content for path, content in _binaries(identifier, fmi).items()}
     files.setdefault("documentation/index.html", page(instance, own_binary=own_binary() is not None, fmi=fmi).encode())
     files["documentation/externalDependencies.txt"] = external_dependencies().encode()
-    files |= {f"documentation/licenses/{name}": text for name, text in _licences().items()}
+    files |= licences(files, _own_binaries(files))
     digest = hashlib.sha256(_description(instance, "", fmi))
     for path in sorted(files):
         digest.update(path.encode() + b"\0" + hashlib.sha256(files[path]).digest())
@@ -187,6 +187,13 @@ def _binaries(identifier: str, fmi: int) -> dict[str, bytes]:
     return {path: binary.read_bytes() for path, binary in found.items()}
 
 
+def _own_binaries(files: Mapping[str, bytes]) -> list[str]:
+    """Those of the binaries among `files` that are compiled from this project."""
+    own = own_binary()
+    content = None if own is None else own.read_bytes()
+    return [path for path in files if path.startswith("binaries/") and files[path] == content]
+
+
 def own_binary() -> Path | None:
     """The binary of this project (fmus/front); None where it was not compiled."""
     path = Path(__file__).with_name(f"_front{sysconfig.get_config_var('EXT_SUFFIX')}")
@@ -205,17 +212,6 @@ def _package_sources() -> dict[str, bytes]:
             if inside not in BUILDING and not {"tests", "__pycache__"} & set(path.relative_to(root).parts):
                 sources[inside] = path.read_bytes()
     return sources
-
-
-def _licences() -> dict[str, bytes]:
-    """Name -> content of the licences of the project and of PythonFMU, as far as they are installed with them."""
-    found = {}
-    for name, package in (("license.txt", PROJECT), ("pythonfmu.txt", "pythonfmu")):
-        with contextlib.suppress(metadata.PackageNotFoundError):
-            files = metadata.distribution(package).files or []
-            for file in [file for file in files if file.name == "LICENSE" and ".dist-info" in str(file.parent)]:
-                found[name] = Path(file.locate()).read_bytes()
-    return found
 
 
 def _description(instance: CoreFmu, guid: str, fmi: int) -> bytes:

@@ -1,7 +1,9 @@
 """The page documentation/index.html of an FMU: what it models, its variables, what indices count, how it is stepped."""
 
+import contextlib
 import html
 import platform
+import re
 from collections.abc import Iterable, Sequence
 from importlib import metadata
 from typing import Any
@@ -10,12 +12,14 @@ import numpy as np
 
 from fmus import texts
 from fmus.adapter import CoreFmu
+from fmus.description import PROJECT
 from fmus.picture import drawing
-from fmus.reference import STEPS
+from fmus.reference import RELATIVE, STEPS
 from scenes import Scene
 from scenes.variables import Variable
 
 INTERFACE = ("displacement", "pressure", "shear", "line_load")
+HOST_PACKAGES = ("numpy", "scipy")  # what an FMU imports and does not carry
 Rows = Iterable[Sequence[Any]]
 
 
@@ -33,14 +37,18 @@ def page(
     script = texts.SCRIPT.format(identifier=instance.modelName)
     short = "" if steps == STEPS else "; a solver could not complete the next step"
     reference = texts.REFERENCE.format(
-        identifier=instance.modelName, steps=steps, short=short, script=html.escape(script, quote=False)
+        identifier=instance.modelName,
+        steps=steps,
+        short=short,
+        relative=RELATIVE,
+        script=html.escape(script, quote=False),
     )
     text = texts.PAGE.format(
         title=title,
         version=f"{fmi}.0",
         naming=texts.SCALARS if fmi == 2 else texts.ARRAYS,
         discarded=texts.TERMINATED if fmi == 2 else "",
-        model="" if scene is None else _model(scene, side),
+        model="" if scene is None else _model(instance, scene, side),
         interface=_rows([[v.name, _shape(v), v.causality, v.unit, _about(v)] for v in shown]),
         parameters=_rows([_parameter(instance, v) for v in variables if v.causality == "parameter"]),
         outputs=_rows(
@@ -54,13 +62,23 @@ def page(
 
 
 def external_dependencies() -> str:
-    """The text of documentation/externalDependencies.txt, which FMI 3.0 names and FMI 2.0 leaves open."""
-    versions = {name: metadata.version(name) for name in ("numpy", "scipy")}
-    return texts.DEPENDENCIES.format(python=platform.python_version(), **versions)
+    """The text of documentation/externalDependencies.txt, which FMI 3.0 names and FMI 2.0 leaves open: requirements as
+    pip reads them, in the ranges of this project, and what the FMU was built with.
+    """
+    wanted: list[str] = []
+    with contextlib.suppress(metadata.PackageNotFoundError):  # where the sources lie about, not installed
+        wanted = metadata.requires(PROJECT) or []
+    built = {name: metadata.version(name) for name in HOST_PACKAGES}
+    ranges = [next((text for text in wanted if re.match(rf"{name}\b", text)), name) for name in built]
+    return texts.DEPENDENCIES.format(
+        python=platform.python_version(),
+        built=" and ".join(f"{name} {version}" for name, version in built.items()),
+        requirements="\n".join(ranges),
+    )
 
 
 def _about(variable: Variable) -> str:
-    return variable.description + (" of each, by name below" if variable.labels else "")
+    return variable.description + (" (each named below)" if variable.labels else "")
 
 
 def _shape(variable: Variable) -> str:
@@ -70,20 +88,14 @@ def _shape(variable: Variable) -> str:
 def _parameter(instance: CoreFmu, variable: Variable) -> list[Any]:
     start = np.ravel(instance.start(variable.name)).tolist()
     if variable.kind == "boolean":
-        shown, bounds = ", ".join("true" if x else "false" for x in start), "true or false"
+        shown, bounds = ", ".join("true" if x else "false" for x in start), ["–", "–"]
     else:
         shown = ", ".join(f"{x:.9g}" for x in start)
-        low, high = variable.minimum, variable.maximum
-        bounds = (
-            ""
-            if low is high is None
-            else f"{'' if low is None else f'{low:g}'} … {'' if high is None else f'{high:g}'}"
-        )
-    when = "before the first step" if variable.variability == "fixed" else "at any time"
-    return [variable.name, _shape(variable), shown, variable.unit, bounds, when, variable.description]
+        bounds = ["–" if x is None else f"{x:g}" for x in (variable.minimum, variable.maximum)]
+    return [variable.name, _shape(variable), variable.unit, shown, *bounds, variable.variability, variable.description]
 
 
-def _model(scene: Scene, side: str) -> str:
+def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
     """What the scene is, which of it the FMU holds, a drawing, and the settings."""
     physics = _structure(scene) if side == "structural" else _flow(scene)
     settings = ", ".join(f"<code>{key} = {html.escape(str(value))}</code>" for key, value in scene.settings.items())
@@ -91,9 +103,18 @@ def _model(scene: Scene, side: str) -> str:
         name=html.escape(str(scene.content.get("title") or scene.name)),
         about=html.escape(str(scene.content.get("description") or "")),
         physics=html.escape(physics),
-        drawing=drawing(scene),
+        drawing=drawing(scene, side, _arrow(instance)),
+        shown=texts.OF_STRUCTURE if side == "structural" else texts.OF_FLOW,
         settings=settings or "none",
     )
+
+
+def _arrow(instance: CoreFmu) -> tuple[str, np.ndarray] | None:
+    """What acts on the kite in this FMU from the start, and whereto."""
+    if "wind_direction" in instance.blocks:
+        return "wind", np.array(instance.start("wind_direction"))
+    gravity = instance.start("gravity")[0] if "gravity" in instance.blocks else 0.0
+    return ("gravity", np.array([0.0, 0.0, -gravity])) if gravity else None
 
 
 def _structure(scene: Scene) -> str:

@@ -11,7 +11,10 @@ from fmus.description import scalar_names
 from scenes import Scene
 from scenes.variables import StepFailed, Variable
 
-STEPS = 3  # communication steps of 1 s
+STEPS = 5  # communication steps of 1 s
+# To compare with on another machine. Rounding and the solvers' tolerances move results by some 1e-11 of a variable.
+RELATIVE = ABSOLUTE = 1e-6
+SOLVERS = ("residual", "newton_iterations")  # how a solver got there, no result: other on every machine
 LOADS = ("pressure", "shear", "line_load")
 
 
@@ -19,9 +22,9 @@ def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, t
     """Side -> inputs and results of its FMU as CSV texts, from a coupled exchange of the two solvers.
 
     A row of inputs holds from its time on, for a step of 1 s; a row of results holds at its time, the first after the
-    initialisation; it has the interface, and all outputs but long ones. The flow steps first, as in the explicit
-    scheme. Without a flow the panels are pressed by 1, 2, 3 Pa. Where a solver cannot complete a step the tables end
-    before it. Numbers are exact: the shortest that are read back to the same bits.
+    initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps first, as
+    in the explicit scheme. Without a flow the panels are pressed by 1, 2, 3 Pa and so on. Where a solver cannot
+    complete a step the tables end before it. Numbers are exact: the shortest that are read back to the same bits.
     """
     cores = scene.cores()
     for core in cores.values():
@@ -51,13 +54,27 @@ def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, t
     }
 
 
+def options(steps: int) -> str:
+    """Times, step and tolerances of results of so many steps, as the FMI cross-check rules name them."""
+    named = {
+        "StartTime": 0.0,
+        "StopTime": float(steps),
+        "StepSize": 1.0,
+        "RelTol": RELATIVE,
+        "AbsTol": ABSOLUTE,
+        "SolverType": "FixedStep",
+        "OutputIntervalLength": 1.0,
+    }
+    return "".join(f"{name},{value}\n" for name, value in named.items())
+
+
 def _inputs(core: Any) -> list[Variable]:
     return [v for v in core.variables if v.causality == "input"]
 
 
 def _results(core: Any) -> list[Variable]:
     outputs = [v for v in core.variables if v.causality == "output"]
-    return [v for v in outputs if v.size <= 3 or v.name in (*LOADS, "displacement")]
+    return [v for v in outputs if (v.size <= 3 and v.name not in SOLVERS) or v.name in (*LOADS, "displacement")]
 
 
 def _stepped(core: Any, k: int, inputs: list[list[Any]], results: list[list[Any]]) -> None:
@@ -68,14 +85,14 @@ def _stepped(core: Any, k: int, inputs: list[list[Any]], results: list[list[Any]
 
 
 def _row(core: Any, time: float, variables: Sequence[Variable]) -> list[Any]:
-    blocks = [np.ravel(core.get(v.name)).tolist() for v in variables]
+    blocks = [np.ravel(core.get(v.name)).astype(float if v.kind == "real" else int).tolist() for v in variables]
     return [time, *(value for block in blocks for value in block)]
 
 
 def _table(variables: Sequence[Variable], rows: Sequence[Sequence[Any]]) -> str:
-    """CSV as in RFC 4180; names have commas, so that they are quoted."""
+    """CSV as in the FMI cross-check rules: names in quotes, numbers without, truth values as 0 and 1."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
     writer.writerow(["time", *(name for v in variables for name in scalar_names(v))])
     writer.writerows(rows)
     return text.getvalue()

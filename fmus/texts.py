@@ -8,9 +8,14 @@ table {{ border-collapse: collapse; margin: .7rem 0 }} td, th {{ padding: .15rem
 th {{ background: #f2f5f8; text-align: left }} td:first-child {{ white-space: nowrap }}
 code, pre {{ background: #f4f4f4; font-size: .93em }} pre {{ padding: .7rem; overflow: auto }}
 summary {{ cursor: pointer }}
-svg {{ width: 100%; max-height: 26rem; font: 11px system-ui, sans-serif; fill: #444 }}
-.p {{ fill: #cfe3f3; fill-opacity: .5; stroke: #1f4e79; stroke-width: .6 }}
-.l {{ fill: none; stroke: #555; stroke-width: .6 }}
+figure {{ margin: 1rem 0 }} figcaption {{ color: #555; font-size: .93em }}
+svg {{ width: 100%; font: 11px system-ui, sans-serif }} svg text {{ fill: #444; text-anchor: middle }}
+svg text.s {{ text-anchor: start }} svg text.w {{ fill: #b3421b }}
+svg path {{ fill: none; stroke: #555; stroke-width: 7; stroke-linecap: round; stroke-linejoin: round }}
+svg .p {{ fill: #d6e8f6; fill-opacity: .7; stroke: #1f4e79; stroke-width: 5 }}
+svg .q {{ fill: #eef1d8; stroke: #7d8a5c; stroke-width: 5 }}
+svg .k {{ stroke: #1f4e79; stroke-width: 9 }} svg .t {{ stroke: #8fa3b5; stroke-opacity: .8 }}
+svg path.a {{ stroke-width: 1; stroke: #444 }} svg path.w {{ stroke-width: 1.4; stroke: #b3421b }}
 </style></head><body>
 <h1>{title}</h1>
 <p>FMI {version} co-simulation. Each doStep is one exchange: set the inputs, step, get the outputs. A quasi-static
@@ -21,10 +26,12 @@ result does not depend on the size of a step.</p>
 </table>
 <p>{naming} Inputs start at what the model description says; outputs are right from the initialisation on.</p>
 <h2>Parameters</h2>
-<table><tr><th>name</th><th>shape</th><th>start</th><th>unit</th><th>bounds</th><th>may be set</th>
+<table><tr><th>name</th><th>shape</th><th>unit</th><th>start</th><th>min</th><th>max</th><th>variability</th>
 <th>description</th></tr>
 {parameters}
 </table>
+<p>A tunable parameter may be set at any time, a fixed one before the first step only: before or during the
+initialisation. Where there is no bound there is a dash; values outside are refused.</p>
 <h2>Other outputs</h2>
 <table><tr><th>name</th><th>shape</th><th>unit</th><th>description</th></tr>
 {outputs}
@@ -44,8 +51,8 @@ own.</p>
 <h2>External dependencies</h2>
 {dependencies}
 <h2>Licences</h2>
-<p>The licences of the solvers (license.txt) and of PythonFMU (pythonfmu.txt) are in documentation/licenses; those of
-the scene's data, where it has any, are beside the data in resources/scene.</p>
+<p>Which licence covers what is in <code>documentation/licenses/license.txt</code>, which names the files with their
+texts.</p>
 </body></html>
 """
 
@@ -58,10 +65,13 @@ again after a good one."""
 MODEL = """<h2>What it models</h2>
 <p><b>{name}</b>. {about}</p>
 <p>{physics}</p>
-<figure>{drawing}<figcaption>The design shape: panels of the interface; lines, springs and tubes of the
-structure.</figcaption></figure>
+<figure>{drawing}<figcaption>The design shape in parallel views of one scale: panels of the interface, blue on the
+suction side and green on the other; {shown}.</figcaption></figure>
 <p>Built with these settings: {settings}. They cannot be changed in the FMU.</p>
 """
+
+OF_STRUCTURE = """lines grey, springs dark blue, tubes as thick as they are; without the mesh inside a canopy"""
+OF_FLOW = """exposed lines, where there are any, grey"""
 
 STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
 interface{weight}; lines take tension only, and pressure follows the deformed surface. There is no motion in time."""
@@ -83,21 +93,21 @@ library (for example /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>P
 with numpy and scipy; <code>kitecosim host-env --preload</code> prints both. Only linux64 is tested; the binaries are
 those of PythonFMU.</p>"""
 
-DEPENDENCIES = """This FMU runs in Python, which is not inside it.
-
-Python  3.11 or newer (built with {python})
-numpy   {numpy} or a compatible version
-scipy   {scipy} or a compatible version
-
-See index.html, External dependencies, for how a host that is no Python program finds them.
+DEPENDENCIES = """# This FMU runs in Python, which is not inside it: Python 3.11 or newer, and the packages below,
+# one a line in the versions that will do. pip takes this file: python -m pip install -r externalDependencies.txt
+# Built with Python {python}, {built}.
+# index.html, External dependencies, says how a host that is no Python program finds them.
+{requirements}
 """
 
 REFERENCE = """<h2>Reference inputs and results</h2>
 <p><code>documentation/{identifier}_in.csv</code> holds the inputs of {steps} steps of 1 s, each row from its time on,
-and <code>{identifier}_ref.csv</code> the results at its times, with the start values of this FMU{short}. On the
-machine where the FMU was built, a tool that does the same gets the same bits; elsewhere the last digits may differ.
-Names have commas, so that they stand in quotes: fmpy's own reader of CSV files does not take them. In the unpacked FMU,
-with fmpy:</p>
+<code>{identifier}_ref.csv</code> the results at its times, with the start values of this FMU{short}, and
+<code>{identifier}_ref.opt</code> times, step and tolerances: files as in the FMI cross-check. On the machine where the
+FMU was built, a tool that does the same gets the same bits; elsewhere the last digits may differ: compare to
+{relative:g}, absolutely and of the largest value of the whole variable. What solvers tell of themselves (residual,
+iterations) is left out. Names have commas and stand in quotes, which fmpy's own reader of CSV files, and with it
+<code>fmpy simulate --input-file</code>, does not take. In the unpacked FMU, with fmpy:</p>
 <pre>{script}</pre>
 """
 

@@ -196,7 +196,7 @@ def test_who_made_it_under_which_licence_is_said_and_carried_along(scene_paths):
         assert root.get("generationDateAndTime") is None  # the same content gives the same bytes
         assert root.find("DefaultExperiment").attrib == {"startTime": "0.0", "stopTime": "60.0", "stepSize": "1.0"}
         with zipfile.ZipFile(path) as whole:
-            assert whole.read("documentation/licenses/license.txt") == licence
+            assert whole.read("documentation/licenses/kitecosim.txt") == licence
             assert b"MIT License" in whole.read("documentation/licenses/pythonfmu.txt")
 
 
