@@ -194,6 +194,21 @@ def test_types_that_no_variable_has_and_events_are_refused_with_a_sentence(pair)
         fmu.slave.doStep(0.0, 1.0)
 
 
+def test_every_function_takes_null_pointers_for_the_instance_and_for_all_else(pair):
+    with Arrays(pair[1][0]) as fmu:
+        names = [n for n in dir(fmi3.FMU3Slave) if n.startswith("fmi3") and "Instantiate" not in n]
+        for name in set(names) - {"fmi3GetVersion"}:
+            function = getattr(fmu.slave.dll, name)
+            rest = [kind() for kind in function.argtypes[1:]]
+            assert function(None, *rest) == ERROR or name == "fmi3FreeInstance", name
+            if name not in ("fmi3FreeInstance", "fmi3Terminate", "fmi3Reset", "fmi3SetDebugLogging"):
+                count = len(fmu.log)
+                status = function(ctypes.c_void_p(fmu.slave.component), *rest)
+                assert status in (0, DISCARD, ERROR), name
+                assert [s for s, _ in fmu.log[count:]] == ([status] if status else []), name
+        fmu.slave.doStep(0.0, 1.0)
+
+
 def test_two_builds_give_the_same_bytes_and_other_bytes_than_fmi_2(pair, tmp_path):
     again = build(pair[0], tmp_path, start(pair[0]), fmi=3)
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in pair[1]]
