@@ -36,7 +36,10 @@ def page(
     title = html.escape(instance.description or instance.title)
     script = texts.SCRIPT.format(identifier=instance.modelName)
     short = "" if steps == STEPS else "; a solver could not complete the next step"
+    commas = any(len(v.shape) > 1 for v in variables if v.causality == "input")
+    reader = texts.NO_READER if commas else texts.READER.format(identifier=instance.modelName, steps=steps)
     reference = texts.REFERENCE.format(
+        reader=reader,
         identifier=instance.modelName,
         steps=steps,
         short=short,
@@ -98,7 +101,7 @@ def _parameter(instance: CoreFmu, variable: Variable) -> list[Any]:
 def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
     """What the scene is, which of it the FMU holds, a drawing, and the settings."""
     physics = _structure(scene) if side == "structural" else _flow(scene)
-    settings = ", ".join(f"<code>{key} = {html.escape(str(value))}</code>" for key, value in scene.settings.items())
+    settings = ", ".join(f"<code>{html.escape(f'{key} = {value}')}</code>" for key, value in scene.settings.items())
     return texts.MODEL.format(
         name=html.escape(str(scene.content.get("title") or scene.name)),
         about=html.escape(str(scene.content.get("description") or "")),

@@ -106,10 +106,14 @@ REFERENCE = """<h2>Reference inputs and results</h2>
 <code>{identifier}_ref.opt</code> times, step and tolerances: files as in the FMI cross-check. On the machine where the
 FMU was built, a tool that does the same gets the same bits; elsewhere the last digits may differ: compare to
 {relative:g}, absolutely and of the largest value of the whole variable. What solvers tell of themselves (residual,
-iterations) is left out. Names have commas and stand in quotes, which fmpy's own reader of CSV files, and with it
-<code>fmpy simulate --input-file</code>, does not take. In the unpacked FMU, with fmpy:</p>
+iterations) is left out. {reader}In the unpacked FMU, this compares with fmpy:</p>
 <pre>{script}</pre>
 """
+
+NO_READER = """Names of inputs have commas and stand in quotes, which fmpy's own reader of CSV files, and with it
+<code>fmpy simulate --input-file</code>, does not take. """
+READER = """<code>fmpy simulate {identifier}.fmu --stop-time {steps} --output-interval 1 --input-file
+{identifier}_in.csv --output-file out.csv</code> finds the results again, among all outputs. """
 
 SCRIPT = """import csv
 import os

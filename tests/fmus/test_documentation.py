@@ -2,11 +2,14 @@
 
 import html.parser
 import itertools
+import shutil
 import zipfile
 
 import numpy as np
 import pytest
 
+import scenes
+from fmus.builder import build
 from fmus.documentation import page
 from scenes.variables import Variable
 from tests.fmus.toy_fmu import Toy, ToyFmu
@@ -119,6 +122,20 @@ def test_the_page_says_how_it_is_stepped_and_what_to_beware_of(case, words):
     for found in map(read, paths):
         assert words in found.text or (words == "in turn" and not scene.has_flow)
         assert ("trim_angle" in found.text) is (scene.content["trim"] is not None)
+
+
+def test_titles_and_names_of_a_scene_are_text_whatever_they_look_like(scene, tmp_path):
+    folder = tmp_path / "marked"
+    shutil.copytree(scene.folder, folder)
+    title = scene.content["title"]
+    for path in [folder / "scene.toml", *folder.glob("*.csv")]:
+        text = path.read_text(encoding="utf-8").replace(title, f"<i>{title}&amp;").replace("te_left", "<script>&lt;")
+        path.write_text(text, encoding="utf-8")
+    for path in build(scenes.load(folder), tmp_path, reference=False):
+        assert f"<i>{title}&amp;" in read(path).text  # Page sees to it that all that opens is closed
+    tables = read(tmp_path / "marked_structural.fmu").tables
+    assert [row[1] for row in tables["Structural nodes"][1:]].count("<script>&lt;") == 1
+    assert any("<script>&lt;" in row[3] for row in tables["Elements"][1:])
 
 
 def test_hostile_names_are_text():

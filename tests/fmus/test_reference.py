@@ -62,6 +62,25 @@ def test_the_script_on_the_page_finds_the_reference_results_to_the_last_bit(case
 
 
 @pytest.mark.parametrize("case", PLAIN, indirect=True, ids=label)
+def test_the_command_on_the_page_finds_them_where_no_input_has_a_comma_in_its_name(case, tmp_path):
+    for path in case[1]:
+        files = entries(path)
+        command = re.search("<code>(fmpy simulate .*?)</code> finds", files["documentation/index.html"].decode(), re.S)
+        given, (names, rows) = (table(files[f"documentation/{path.stem}_{kind}.csv"]) for kind in ("in", "ref"))
+        assert (command is None) is any("," in name for name in given[0])
+        if command is None:
+            continue
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+        (tmp_path / f"{path.stem}_in.csv").write_bytes(files[f"documentation/{path.stem}_in.csv"])
+        words = command[1].split()
+        subprocess.run([Path(sys.executable).with_name(words[0]), *words[1:]], cwd=tmp_path, timeout=120, check=True)
+        text = (tmp_path / "out.csv").read_text().replace("True", "1").replace("False", "0")  # fmpy's truth values
+        found_names, found = table(text.encode())
+        columns = [found_names.index(name) for name in names]
+        assert [[row[k] for k in columns] for row in found] == rows
+
+
+@pytest.mark.parametrize("case", PLAIN, indirect=True, ids=label)
 def test_an_importer_that_sets_each_row_and_steps_finds_them_too(case):
     for path in case[1]:
         files = entries(path)
