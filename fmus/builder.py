@@ -23,9 +23,9 @@ from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.arrays import array_description
 from fmus.documentation import external_dependencies, page
-from fmus.licences import licences
-from fmus.picture import icon
-from fmus.reference import options, reference_tables
+from fmus.documentation.licences import licences
+from fmus.documentation.picture import icon
+from fmus.documentation.reference import options, reference_tables
 from fmus.sharing import PACKAGES
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
@@ -33,10 +33,7 @@ from scenes import Scene
 NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder beside the files that it is made of
 BINARIES = Path("resources", "binaries")
 # What only building needs, and an FMU does not carry.
-BUILDING = {
-    f"fmus/{name}.py"
-    for name in ("arrays", "builder", "documentation", "host", "licences", "picture", "reference", "ssp", "texts")
-}
+BUILDING = {f"fmus/{name}.py" for name in ("arrays", "builder", "host", "ssp")}
 BUILDING |= {f"pythonfmu/{name}.py" for name in ("__main__", "csvbuilder", "deploy")}
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 
@@ -209,7 +206,7 @@ def _package_sources() -> dict[str, bytes]:
             raise ValueError(f"The sources in {root} are gone, so that no FMU can carry them; start a new process.")
         for path in root.glob("*.py") if name == "pythonfmu" else root.rglob("*.py"):
             inside = f"{name}/{path.relative_to(root).as_posix()}"
-            if inside not in BUILDING and not {"tests", "__pycache__"} & set(path.relative_to(root).parts):
+            if inside not in BUILDING and not {"tests", "__pycache__", "documentation"} & set(inside.split("/")):
                 sources[inside] = path.read_bytes()
     return sources
 

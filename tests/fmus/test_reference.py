@@ -21,8 +21,8 @@ from packaging.requirements import Requirement
 
 import scenes
 from fmus.builder import build, own_binary
-from fmus.picture import VIEWS, drawing
-from fmus.reference import RELATIVE, STEPS, reference_tables
+from fmus.documentation.picture import VIEWS, drawing
+from fmus.documentation.reference import RELATIVE, STEPS, reference_tables
 from tests.fmus.cases import PLAIN, label
 from tests.fmus.importer import Importer
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from fmus import texts
 from fmus.adapter import CoreFmu
 from fmus.description import PROJECT
-from fmus.picture import drawing
-from fmus.reference import RELATIVE, STEPS
+from fmus.documentation import texts
+from fmus.documentation.picture import drawing
+from fmus.documentation.reference import RELATIVE, STEPS
 from scenes import Scene
 from scenes.variables import Variable
 
