@@ -126,8 +126,8 @@ EXPORT int fmi3SetInt32(void *instance, const unsigned references[], size_t coun
 /* Booleans are bytes in FMI 3.0, and integers for the slave. */
 EXPORT int fmi3GetBoolean(void *instance, const unsigned references[], size_t count, bool values[], size_t size)
 {
-    int *const taken = calloc(size + 1, sizeof *taken);
-    const int status = taken != NULL ? moved(instance, BOOLEAN, references, count, NULL, taken, size) : ERROR;
+    int *const taken = values != NULL ? calloc(size + 1, sizeof *taken) : NULL;
+    const int status = moved(instance, BOOLEAN, references, count, NULL, taken, size);
     for (size_t i = 0; status == OK && count > 0 && i < size; ++i)
         values[i] = taken[i] != 0;
     free(taken);

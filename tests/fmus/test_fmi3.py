@@ -206,6 +206,11 @@ def test_every_function_takes_null_pointers_for_the_instance_and_for_all_else(pa
                 status = function(ctypes.c_void_p(fmu.slave.component), *rest)
                 assert status in (0, DISCARD, ERROR), name
                 assert [s for s, _ in fmu.log[count:]] == ([status] if status else []), name
+        one = (ctypes.c_uint32 * 1)(fmu.variables["symmetric"].valueReference)
+        for name in ("Boolean", "Float64", "Int32"):
+            for verb in ("Get", "Set"):
+                function = getattr(fmu.slave.dll, f"fmi3{verb}{name}")
+                assert function(ctypes.c_void_p(fmu.slave.component), one, 1, None, 1) == ERROR
         with pytest.raises(FMICallException, match="discard"):
             fmu.slave.doStep(0.0, 1.0)  # after calls that the slave has refused
         fmu.slave.doStep(0.0, 1.0)
