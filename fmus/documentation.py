@@ -59,7 +59,8 @@ def page(
         ),
         scene="" if scene is None else _scene(instance, scene),
         reference=reference if steps else "",
-        dependencies=texts.OWN_BINARY if own_binary else texts.PYTHONFMU_BINARY,
+        binary=_other_binary(own_binary, fmi),
+        dependencies=_dependencies(own_binary, fmi),
     )
     return text if fmi == 2 else text.replace("fmi2", "fmi3")
 
@@ -78,6 +79,19 @@ def external_dependencies() -> str:
         built=" and ".join(f"{name} {version}" for name, version in built.items()),
         requirements="\n".join(ranges),
     )
+
+
+def _other_binary(own_binary: bool, fmi: int) -> str:
+    """What calls do differently where the binary is that of PythonFMU, and where that is; FMI 3.0 never has it."""
+    if fmi == 3:
+        return ""
+    return texts.OTHER_ON_WINDOWS if own_binary else texts.OTHER_EVERYWHERE
+
+
+def _dependencies(own_binary: bool, fmi: int) -> str:
+    if not own_binary:
+        return texts.PYTHONFMU_BINARY
+    return texts.OWN_BINARY + (texts.ALSO_WINDOWS if fmi == 2 else texts.LINUX_ONLY)
 
 
 def _about(variable: Variable) -> str:

@@ -43,8 +43,7 @@ inputs or restore a state, then step on.{discarded}</p>
 is set as another type than its own and a call out of order are refused where they come: the call returns fmi2Error, the
 reason is logged (category logStatusError), the old value stays, and the next step is discarded once, for hosts that
 look at steps only. A vector that does not fit as a whole is refused by the next step. Reasons are logged unless the
-host turns logging off. (On Windows, where the binary is that of PythonFMU, calls that set values return fmi2OK whatever
-they are given, reasons are logged only with loggingOn, fmi2Terminated stays true, and the GUID is not compared.)</p>
+host turns logging off.{binary}</p>
 <p>The complete state can be saved, restored and serialised; what follows a restored state is the same to the last bit,
 in another process too. Bytes that are not a state are refused. States are pickles of Python: restore only your
 own.</p>
@@ -61,6 +60,12 @@ name[i,3] along x, y and z. The value references of a variable follow each other
 ARRAYS = """Each variable is an array of that shape; the last index, x, y, z where it is 3, runs fastest."""
 TERMINATED = """ fmi2Terminated is true after a discarded step, so that importers that would repeat it end, and false
 again after a good one."""
+
+OTHER_ON_WINDOWS = """ (On Windows, where the binary is that of PythonFMU, calls that set values return fmi2OK whatever
+they are given, reasons are logged only with loggingOn, fmi2Terminated stays true, and the GUID is not compared.)"""
+OTHER_EVERYWHERE = """ <b>But the binaries in this FMU are those of PythonFMU</b>, as kitecosim was installed without a
+C compiler. With them calls that set values return fmi2OK whatever they are given, reasons are logged only with
+loggingOn, fmi2Terminated stays true, and the GUID is not compared."""
 
 MODEL = """<h2>What it models</h2>
 <p><b>{name}</b>. {about}</p>
@@ -86,7 +91,9 @@ installed there.</p>
 has numpy, scipy and a shared library (libpython3.x.so). Where there is none, the instantiation fails and says why.
 <code>kitecosim host-env</code> prints the variable for the Python in which kitecosim is installed. Nothing has to be
 preloaded. The C library must be as new as where the FMU was built.</p>
-<p>Only linux64 is tested. The binary for win64 is that of PythonFMU and untried.</p>"""
+"""
+ALSO_WINDOWS = "<p>Only linux64 is tested. The binary for win64 is that of PythonFMU and untried.</p>"
+LINUX_ONLY = "<p>There is a binary for Linux only (x86_64).</p>"
 PYTHONFMU_BINARY = """<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs
 nothing else if these are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared
 library (for example /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages
