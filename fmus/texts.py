@@ -96,8 +96,9 @@ ALSO_WINDOWS = "<p>Only linux64 is tested. The binary for win64 is that of Pytho
 LINUX_ONLY = "<p>There is a binary for Linux only (x86_64).</p>"
 PYTHONFMU_BINARY = """<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs
 nothing else if these are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared
-library (for example /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages
-with numpy and scipy; <code>kitecosim host-env --preload</code> prints both. Only linux64 is tested; the binaries are
+library (for example /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0), <code>PYTHONHOME</code> to where that Python is
+installed (/usr) and <code>PYTHONPATH</code> to the site-packages with numpy and scipy; <code>kitecosim host-env
+--preload</code> prints all three. Only linux64 is tested; the binaries are
 those of PythonFMU.</p>"""
 
 DEPENDENCIES = """# This FMU runs in Python, which is not inside it: Python 3.11 or newer, and the packages below,
