@@ -75,11 +75,12 @@ suction side and green on the other; {shown}.</figcaption></figure>
 <p>Built with these settings: {settings}. They cannot be changed in the FMU.</p>
 """
 
-OF_STRUCTURE = """lines grey, springs dark blue, tubes as thick as they are; without the mesh inside a canopy"""
+OF_STRUCTURE = """lines grey, springs dark blue"""
+OF_TUBES = """; tubes as thick as they are, the mesh inside the canopy left out"""
 OF_FLOW = """exposed lines, where there are any, grey"""
 
 STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
-interface{weight}; lines take tension only, and pressure follows the deformed surface. There is no motion in time."""
+interface{weight}; {lines}pressure follows the deformed surface. There is no motion in time."""
 FLOW = """This FMU is the flow around it: {method} with section polars, in a uniform wind, on {strips} strips of the
 displaced wing{lines}. Each step finds the circulation, and from it the loads on every panel. The flow is steady."""
 
@@ -143,27 +144,33 @@ print("largest difference", max(np.abs(found[name] - expected[name]).max() for n
 
 EXCHANGE = """<h2>Order of exchange</h2>
 <p>Per step, as a master that steps in turn does it: give the aerodynamic FMU the <code>displacement</code> of the
-structural one and step it; give the structural FMU its {loads} and step it. Repeat until <code>displacement</code> no
-longer changes: a kite takes some 20 rounds to 1e-5 m, twice as many where both are stepped at once and nothing changes
-at every second round. That is the explicit scheme: it need not settle, and a kite may have several equilibria (folded
-tips, rolled over), so look at lift and span of the one that was reached. Passing on only a part of each change, or a
-master that accelerates (the command line of this project), settles where it does not.</p>
+structural one and step it; give the structural FMU its {loads} and step it. Repeat until in two rounds on end
+<code>displacement</code> changes by less than 1e-5 m (all entries together) and <code>imbalance_before_step</code> of
+the structural FMU is below 0.01 N: a kite takes some 20 rounds, twice as many where both are stepped at once and
+nothing changes at every second round. Do not begin with inputs of zero: the aerodynamic FMU starts with the
+displacement that the structural one starts with. Give both FMUs the same value of <code>symmetric</code>.</p>
+<p>That is the explicit scheme, which need not settle. Where it does not, pass on a part of each change, for example x
++ 0.35 (displacement − x) with x what the aerodynamic FMU got last, or take a master that accelerates (the command line
+of this project). A kite may have several equilibria (folded tips; rolled over, once <code>symmetric</code> is off or
+an input is not symmetric), so look at <code>CL</code> and <code>tip_span</code> of the one that was reached.</p>
 """
 ALONE = """<h2>Without a flow</h2>
 <p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
 equilibrium under gravity, the point loads among the parameters, and what was set.</p>
 """
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
-pivot, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the angle at which wind and
-weight leave no pitching moment in the wind given there. In another wind, or far from that angle, the first steps are
-further from equilibrium and may fail, or lead to another one. Give both FMUs the same value before they are
-initialised.</p>
+pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the
+angle at which wind and weight leave no pitching moment in the wind given there. In another wind, or far from that
+angle, the first steps are further from equilibrium and may fail, or lead to another one. Give both FMUs the same
+value before they are initialised.</p>
 """
 SIGNS = """<h2>Indices and signs</h2>
 <p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
 where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its normal is along its area
 vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code> pushes along the normal,
 to the suction side: its force is pressure · a. {shear}A corner
-that is listed twice makes a triangle. All indices count from 1, as in the names of the scalars.</p>
+that is listed twice makes a triangle. All indices count from 1{counted}.</p>
 """
+COUNTED = ", as in the names of the scalars"
+COUNTED_IN_ARRAYS = "; the first entry of an array in memory has index 1 here"
 SHEAR = "That of <code>shear</code> is shear · |a|, along the global axes. "
