@@ -2,6 +2,7 @@
 
 import contextlib
 import shlex
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,6 +32,10 @@ from master.schemes import SCHEMES, scheme
 from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
+OTHER_BINARY = (
+    "kitecosim: note: FMUs built here carry PythonFMU's binary, as that of kitecosim was not compiled when it was "
+    "installed (is there a C compiler?); a C or C++ host needs the variables of `kitecosim host-env --preload`."
+)
 
 
 def run_scene(
@@ -121,7 +126,7 @@ def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
 
 def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False, fmi: int = 2) -> int:
     """Build the two FMUs of a scene, and its SSP if wanted; the exit code."""
-    from fmus.builder import build
+    from fmus.builder import build, own_binary
     from fmus.ssp import package
 
     if ssp and fmi != 2:
@@ -136,6 +141,8 @@ def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = Fals
         paths = build(scene, out, given, fmi=fmi)
         for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
             print(path)
+        if own_binary() is None:
+            print(OTHER_BINARY, file=sys.stderr)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueError(f"--out {out} cannot be written to ({reason}); name another one.") from None
@@ -158,10 +165,13 @@ def results_folder(out: Path) -> None:
 
 def print_host_environment(preload: bool) -> int:
     """Print what a host without Python needs in its environment, as lines of a shell."""
+    from fmus.builder import own_binary
     from fmus.host import host_environment
 
     for name, value in host_environment(preload).items():
         print(f"export {name}={shlex.quote(value)}")
+    if own_binary() is None and not preload:
+        print(OTHER_BINARY, file=sys.stderr)
     return 0
 
 

@@ -82,11 +82,12 @@ class AeroCore(Core):
         yield output("CD", description=f"drag coefficient {area}")
         yield output("CS", description=f"side force coefficient {area}")
         yield output("force", (3,), unit="N", description="aerodynamic force on the wing")
-        text = "aerodynamic moment on the wing about the pivot (origin without one)"
+        about = "origin" if self._scene.pivot is None else "pivot"
+        text = f"aerodynamic moment on the wing about the {about}"
         yield output("moment", (3,), unit="N.m", description=text)
         if len(self._interface.lines):
             yield output("line_force", (3,), unit="N", description="aerodynamic force on the exposed lines")
-            text = "aerodynamic moment on the exposed lines about the pivot (origin without one)"
+            text = f"aerodynamic moment on the exposed lines about the {about}"
             yield output("line_moment", (3,), unit="N.m", description=text)
         yield output("glide_ratio", description="lift over drag of the wing and the exposed lines together")
         text = "angle of the mid-span chord to the free stream"

@@ -73,7 +73,7 @@ def structural_variables(scene, loads, tapes, mirrored):
         yield output("tube_strain", (len(m.wing.tubes.names),), description=text, labels=m.wing.tubes.names)
         yield output("collapsed_tubes", kind="integer", description="parts of tubes past their collapse moment")
     if content["hold"] is not None:
-        text = "moment about the pivot (origin without one) that holds roll and yaw"
+        text = f"moment about the {'origin' if scene.pivot is None else 'pivot'} that holds roll and yaw"
         yield output("holding_moment", (3,), unit="N.m", description=text)
         yield output("holding_force", unit="N", description="side force (y) that holds roll and yaw")
     yield output("slack_lines", kind="integer", description="lines without tension")

@@ -57,9 +57,10 @@ def page(
         outputs=_rows(
             [[v.name, _shape(v), v.unit, _about(v)] for v in variables if v.causality == "output" and v not in shown]
         ),
-        scene="" if scene is None else _scene(instance, scene),
+        scene="" if scene is None else _scene(instance, scene, fmi),
         reference=reference if steps else "",
-        dependencies=texts.OWN_BINARY if own_binary else texts.PYTHONFMU_BINARY,
+        binary=_other_binary(own_binary, fmi),
+        dependencies=_dependencies(own_binary, fmi),
     )
     return text if fmi == 2 else text.replace("fmi2", "fmi3")
 
@@ -78,6 +79,19 @@ def external_dependencies() -> str:
         built=" and ".join(f"{name} {version}" for name, version in built.items()),
         requirements="\n".join(ranges),
     )
+
+
+def _other_binary(own_binary: bool, fmi: int) -> str:
+    """What calls do differently where the binary is that of PythonFMU, and where that is; FMI 3.0 never has it."""
+    if fmi == 3:
+        return ""
+    return texts.OTHER_ON_WINDOWS if own_binary else texts.OTHER_EVERYWHERE
+
+
+def _dependencies(own_binary: bool, fmi: int) -> str:
+    if not own_binary:
+        return texts.PYTHONFMU_BINARY
+    return texts.OWN_BINARY + (texts.ALSO_WINDOWS if fmi == 2 else texts.LINUX_ONLY)
 
 
 def _about(variable: Variable) -> str:
@@ -100,6 +114,7 @@ def _parameter(instance: CoreFmu, variable: Variable) -> list[Any]:
 
 def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
     """What the scene is, which of it the FMU holds, a drawing, and the settings."""
+    of_structure = texts.OF_STRUCTURE + ("" if scene.members.wing is None else texts.OF_TUBES)
     physics = _structure(scene) if side == "structural" else _flow(scene)
     settings = ", ".join(f"<code>{html.escape(f'{key} = {value}')}</code>" for key, value in scene.settings.items())
     return texts.MODEL.format(
@@ -107,7 +122,7 @@ def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
         about=html.escape(str(scene.content.get("description") or "")),
         physics=html.escape(physics),
         drawing=drawing(scene, side, _arrow(instance)),
-        shown=texts.OF_STRUCTURE if side == "structural" else texts.OF_FLOW,
+        shown=of_structure if side == "structural" else texts.OF_FLOW,
         settings=settings or "none",
     )
 
@@ -132,7 +147,8 @@ def _structure(scene: Scene) -> str:
         "parts of inflatable tubes": 0 if members.wing is None else len(members.wing.tubes.ends),
     }
     listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-    return texts.STRUCTURE.format(counts=listed, weight=" and the weight")
+    lines = "lines take tension only, and " if np.any(~two_way) else ""
+    return texts.STRUCTURE.format(counts=listed, weight=" and the weight", lines=lines)
 
 
 def _flow(scene: Scene) -> str:
@@ -142,14 +158,17 @@ def _flow(scene: Scene) -> str:
     return texts.FLOW.format(method=method, strips=len(mesh.sections) - 1, lines=lines)
 
 
-def _scene(instance: CoreFmu, scene: Scene) -> str:
+def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
     """Order of exchange, signs, and a table for every kind of thing that an index counts."""
     blocks = instance.blocks
     loads = [f"<code>{name}</code>" for name in ("pressure", "shear", "line_load") if name in blocks]
     text = (texts.EXCHANGE if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
-    if "trim_angle" in blocks:
-        text += texts.TRIM.format(value=instance.start("trim_angle")[0])
-    text += texts.SIGNS.format(shear=texts.SHEAR if "shear" in blocks else "")
+    if "trim_angle" in blocks and scene.pivot is not None:
+        place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())
+        pivot = html.escape(scene.members.labels[scene.pivot])
+        text += texts.TRIM.format(value=instance.start("trim_angle")[0], pivot=pivot, place=place)
+    counted = texts.COUNTED if fmi == 2 else texts.COUNTED_IN_ARRAYS
+    text += texts.SIGNS.format(shear=texts.SHEAR if "shear" in blocks else "", counted=counted)
     return text + "".join(_table(*table) for table in _tables(blocks, scene))
 
 

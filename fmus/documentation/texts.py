@@ -43,8 +43,7 @@ inputs or restore a state, then step on.{discarded}</p>
 is set as another type than its own and a call out of order are refused where they come: the call returns fmi2Error, the
 reason is logged (category logStatusError), the old value stays, and the next step is discarded once, for hosts that
 look at steps only. A vector that does not fit as a whole is refused by the next step. Reasons are logged unless the
-host turns logging off. (On Windows, where the binary is that of PythonFMU, calls that set values return fmi2OK whatever
-they are given, reasons are logged only with loggingOn, fmi2Terminated stays true, and the GUID is not compared.)</p>
+host turns logging off.{binary}</p>
 <p>The complete state can be saved, restored and serialised; what follows a restored state is the same to the last bit,
 in another process too. Bytes that are not a state are refused. States are pickles of Python: restore only your
 own.</p>
@@ -62,6 +61,12 @@ ARRAYS = """Each variable is an array of that shape; the last index, x, y, z whe
 TERMINATED = """ fmi2Terminated is true after a discarded step, so that importers that would repeat it end, and false
 again after a good one."""
 
+OTHER_ON_WINDOWS = """ (On Windows, where the binary is that of PythonFMU, calls that set values return fmi2OK whatever
+they are given, reasons are logged only with loggingOn, fmi2Terminated stays true, and the GUID is not compared.)"""
+OTHER_EVERYWHERE = """ <b>But the binaries in this FMU are those of PythonFMU</b>, as kitecosim was installed without a
+C compiler. With them calls that set values return fmi2OK whatever they are given, reasons are logged only with
+loggingOn, fmi2Terminated stays true, and the GUID is not compared."""
+
 MODEL = """<h2>What it models</h2>
 <p><b>{name}</b>. {about}</p>
 <p>{physics}</p>
@@ -70,11 +75,12 @@ suction side and green on the other; {shown}.</figcaption></figure>
 <p>Built with these settings: {settings}. They cannot be changed in the FMU.</p>
 """
 
-OF_STRUCTURE = """lines grey, springs dark blue, tubes as thick as they are; without the mesh inside a canopy"""
+OF_STRUCTURE = """lines grey, springs dark blue"""
+OF_TUBES = """; tubes as thick as they are, the mesh inside the canopy left out"""
 OF_FLOW = """exposed lines, where there are any, grey"""
 
 STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
-interface{weight}; lines take tension only, and pressure follows the deformed surface. There is no motion in time."""
+interface{weight}; {lines}pressure follows the deformed surface. There is no motion in time."""
 FLOW = """This FMU is the flow around it: {method} with section polars, in a uniform wind, on {strips} strips of the
 displaced wing{lines}. Each step finds the circulation, and from it the loads on every panel. The flow is steady."""
 
@@ -86,11 +92,14 @@ installed there.</p>
 has numpy, scipy and a shared library (libpython3.x.so). Where there is none, the instantiation fails and says why.
 <code>kitecosim host-env</code> prints the variable for the Python in which kitecosim is installed. Nothing has to be
 preloaded. The C library must be as new as where the FMU was built.</p>
-<p>Only linux64 is tested. The binary for win64 is that of PythonFMU and untried.</p>"""
+"""
+ALSO_WINDOWS = "<p>Only linux64 is tested. The binary for win64 is that of PythonFMU and untried.</p>"
+LINUX_ONLY = "<p>There is a binary for Linux only (x86_64).</p>"
 PYTHONFMU_BINARY = """<p>Python 3.11 or newer with numpy and scipy. An importer that is itself a Python program needs
 nothing else if these are installed there. For any other importer, set <code>LD_PRELOAD</code> to the Python shared
-library (for example /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0) and <code>PYTHONPATH</code> to the site-packages
-with numpy and scipy; <code>kitecosim host-env --preload</code> prints both. Only linux64 is tested; the binaries are
+library (for example /usr/lib/x86_64-linux-gnu/libpython3.11.so.1.0), <code>PYTHONHOME</code> to where that Python is
+installed (/usr) and <code>PYTHONPATH</code> to the site-packages with numpy and scipy; <code>kitecosim host-env
+--preload</code> prints all three. Only linux64 is tested; the binaries are
 those of PythonFMU.</p>"""
 
 DEPENDENCIES = """# This FMU runs in Python, which is not inside it: Python 3.11 or newer, and the packages below,
@@ -135,27 +144,33 @@ print("largest difference", max(np.abs(found[name] - expected[name]).max() for n
 
 EXCHANGE = """<h2>Order of exchange</h2>
 <p>Per step, as a master that steps in turn does it: give the aerodynamic FMU the <code>displacement</code> of the
-structural one and step it; give the structural FMU its {loads} and step it. Repeat until <code>displacement</code> no
-longer changes: a kite takes some 20 rounds to 1e-5 m, twice as many where both are stepped at once and nothing changes
-at every second round. That is the explicit scheme: it need not settle, and a kite may have several equilibria (folded
-tips, rolled over), so look at lift and span of the one that was reached. Passing on only a part of each change, or a
-master that accelerates (the command line of this project), settles where it does not.</p>
+structural one and step it; give the structural FMU its {loads} and step it. Repeat until in two rounds on end
+<code>displacement</code> changes by less than 1e-5 m (all entries together) and <code>imbalance_before_step</code> of
+the structural FMU is below 0.01 N: a kite takes some 20 rounds, twice as many where both are stepped at once and
+nothing changes at every second round. Do not begin with inputs of zero: the aerodynamic FMU starts with the
+displacement that the structural one starts with. Give both FMUs the same value of <code>symmetric</code>.</p>
+<p>That is the explicit scheme, which need not settle. Where it does not, pass on a part of each change, for example x
++ 0.35 (displacement − x) with x what the aerodynamic FMU got last, or take a master that accelerates (the command line
+of this project). A kite may have several equilibria (folded tips; rolled over, once <code>symmetric</code> is off or
+an input is not symmetric), so look at <code>CL</code> and <code>tip_span</code> of the one that was reached.</p>
 """
 ALONE = """<h2>Without a flow</h2>
 <p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
 equilibrium under gravity, the point loads among the parameters, and what was set.</p>
 """
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
-pivot, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the angle at which wind and
-weight leave no pitching moment in the wind given there. In another wind, or far from that angle, the first steps are
-further from equilibrium and may fail, or lead to another one. Give both FMUs the same value before they are
-initialised.</p>
+pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the
+angle at which wind and weight leave no pitching moment in the wind given there. In another wind, or far from that
+angle, the first steps are further from equilibrium and may fail, or lead to another one. Give both FMUs the same
+value before they are initialised.</p>
 """
 SIGNS = """<h2>Indices and signs</h2>
 <p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
 where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its normal is along its area
 vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code> pushes along the normal,
 to the suction side: its force is pressure · a. {shear}A corner
-that is listed twice makes a triangle. All indices count from 1, as in the names of the scalars.</p>
+that is listed twice makes a triangle. All indices count from 1{counted}.</p>
 """
+COUNTED = ", as in the names of the scalars"
+COUNTED_IN_ARRAYS = "; the first entry of an array in memory has index 1 here"
 SHEAR = "That of <code>shear</code> is shear · |a|, along the global axes. "

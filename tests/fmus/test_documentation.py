@@ -122,6 +122,26 @@ def test_the_page_says_how_it_is_stepped_and_what_to_beware_of(case, words):
     for found in map(read, paths):
         assert words in found.text or (words == "in turn" and not scene.has_flow)
         assert ("trim_angle" in found.text) is (scene.content["trim"] is not None)
+        if scene.content["trim"] is not None:
+            assert f"node {scene.content['structure']['pivot']} at (" in found.text
+        assert ("imbalance_before_step of the" in " ".join(found.text.split())) is scene.has_flow  # when to stop
+
+
+@pytest.mark.parametrize(
+    ("own_binary", "fmi", "said"),
+    [
+        (True, 2, "On Windows, where the binary is that of PythonFMU"),
+        (True, 3, ""),
+        (False, 2, "the binaries in this FMU"),
+    ],
+)
+def test_the_page_says_what_the_binaries_of_this_fmu_do_and_of_no_other(own_binary, fmi, said):
+    text = Page(page(ToyFmu(Toy(), instance_name="toy"), own_binary=own_binary, fmi=fmi)).text
+    assert said in text
+    assert ("GUID" in text) is (fmi == 2)
+    assert ("On Windows" in text) is (own_binary and fmi == 2)
+    assert ("PythonFMU" in text) is (fmi == 2)  # those of FMI 3.0 have no binary of it
+    assert ("LD_PRELOAD" in text) is not own_binary
 
 
 def test_titles_and_names_of_a_scene_are_text_whatever_they_look_like(scene, tmp_path):

@@ -8,8 +8,10 @@ import sys
 import fmpy
 import pytest
 from fmpy.fmi1 import FMICallException
+from typer.testing import CliRunner
 
 from fmus import builder
+from master.cli import app
 from tests.fmus.importer import Importer
 from tests.fmus.test_capabilities import call, step
 from tests.fmus.toy_fmu import SAVED, Toy, ToyFmu
@@ -191,6 +193,19 @@ def test_after_its_end_an_instance_takes_and_does_nothing_more_until_it_is_reset
     toy.slave.enterInitializationMode()
     toy.slave.exitInitializationMode()
     assert step(toy, 0.0) == OK
+
+
+@pytest.mark.parametrize("command", [["build", "typical_section"], ["host-env"]], ids=" ".join)
+def test_an_installation_without_a_compiler_says_what_its_fmus_need(monkeypatch, tmp_path, command):
+    monkeypatch.chdir(tmp_path)
+    compiled, silent = CliRunner().invoke(app, command), builder.own_binary() is not None
+    monkeypatch.setattr(builder, "own_binary", lambda: None)
+    plain = CliRunner().invoke(app, command)
+    assert compiled.exit_code == plain.exit_code == 0
+    assert plain.stdout == compiled.stdout  # what a shell evaluates, what a script reads
+    assert "host-env --preload" in plain.stderr
+    assert (compiled.stderr == "") is silent
+    assert CliRunner().invoke(app, ["host-env", "--preload"]).stderr == ""
 
 
 def test_an_fmu_that_was_built_without_a_compiler_works_with_the_binary_of_pythonfmu(monkeypatch, toy_path, tmp_path):

@@ -109,7 +109,7 @@ def test_the_command_writes_the_package_beside_the_fmus_if_asked(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == fmus
     result = CliRunner().invoke(app, ["build", "typical_section", "--ssp", "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
-    assert result.output.split() == [str(tmp_path / n) for n in [*sorted(fmus)[::-1], "typical_section.ssp"]]
+    assert result.stdout.split() == [str(tmp_path / n) for n in [*sorted(fmus)[::-1], "typical_section.ssp"]]
 
 
 def test_a_place_that_is_taken_is_one_sentence_and_nothing_is_written(tmp_path):
