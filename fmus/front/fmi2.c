@@ -76,27 +76,31 @@ static int beside(const char *file, int up, char *path, size_t size)
     return (size_t)snprintf(path + used, size - used, "/%s", file) < size - used;
 }
 
-/* The folder that a URI of the host names, or that of this FMU where there is none. */
+static int digit(char c)
+{
+    static const char digits[] = "0123456789abcdef0123456789ABCDEF";
+    const char *const at = c != '\0' ? strchr(digits, c) : NULL;
+    return at != NULL ? (int)(at - digits) % 16 : -1;
+}
+
+/* The folder that a URI (of FMI 3.0: a path) of the host names, or that of this FMU where there is none. */
 static char *resource_folder(const char *uri)
 {
     char path[4096];
     if (uri == NULL || *uri == '\0')
         return beside("resources", 2, path, sizeof path) ? strdup(path) : NULL;
-    const char *from = uri;
-    if (strncmp(from, "file:", 5) == 0) {
-        from += 5;
-        if (strncmp(from, "//", 2) == 0 && (from = strchr(from + 2, '/')) == NULL) /* after an authority, often empty */
-            return NULL;
-    }
+    if (strncmp(uri, "file:", 5) != 0) /* in a path a per cent sign is one */
+        return strdup(uri);
+    const char *from = uri + 5;
+    if (strncmp(from, "//", 2) == 0 && (from = strchr(from + 2, '/')) == NULL) /* after an authority, often empty */
+        return NULL;
     char *const folder = strdup(from), *to = folder;
     for (; folder != NULL && *from != '\0'; ++to) {
-        unsigned code;
-        if (uri != NULL && *from == '%' && sscanf(from + 1, "%2x", &code) == 1 && code != 0) {
-            *to = (char)code;
-            from += 3;
-        } else {
-            *to = *from++;
-        }
+        const int high = *from == '%' ? digit(from[1]) : -1;
+        const int low = high >= 0 ? digit(from[2]) : -1;
+        const int code = low >= 0 ? 16 * high + low : 0; /* 0: no escape, but a character */
+        *to = code != 0 ? (char)code : *from;
+        from += code != 0 ? 3 : 1;
     }
     if (folder != NULL)
         *to = '\0';
@@ -138,7 +142,7 @@ Front *begun(void *component)
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
-void discard(Front *front)
+static void discard(Front *front)
 {
     forget_categories(front);
     free(front->resources);

@@ -163,6 +163,37 @@ def test_resources_are_found_wherever_they_lie(toy_path, tmp_path, folder):
     shutil.rmtree(place)
 
 
+@pytest.mark.parametrize(
+    ("name", "version", "form"),
+    [
+        ("a%20b", 3, "{}"),  # a path, which FMI 3.0 has
+        ("a%20b", 3, "{}/"),
+        ("a%20b", 2, "{}"),
+        ("ends with %a", 2, "file://{}"),  # URIs that are not escaped as they should be
+        ("50 % a day", 2, "file://{}"),
+        ("% 1", 2, "file:{}"),
+    ],
+)
+def test_a_per_cent_sign_that_escapes_nothing_is_one(toy, tmp_path, name, version, form):
+    place = tmp_path / name
+    shutil.copytree(f"{toy.folder}/resources", place)
+    (place / "slavemodule.txt").write_text("no such")  # only the folder that is meant has it
+    made = instantiated(toy, version, form.format(place).encode())
+    assert not made
+    assert str(place / "no such.py") in toy.log[-1][1].replace("%%", "%")
+
+
+def instantiated(toy, version, resources):
+    """Another instance from the same binary, or None."""
+    dll, guid = toy.slave.dll, toy.description.guid.encode()
+    if version == 2:
+        return dll.fmi2Instantiate(b"x", 1, guid, resources, ctypes.byref(toy.callbacks), 0, 0)
+    make = dll.fmi3InstantiateCoSimulation
+    make.restype = ctypes.c_void_p
+    log = fmpy.fmi3.fmi3LogMessageCallback(lambda _, status, category, text: toy.log.append((status, text.decode())))
+    return make(b"x", guid, resources, False, False, False, False, None, ctypes.c_size_t(0), None, log, None)
+
+
 def test_a_reset_instance_takes_fixed_parameters_again_and_forgets_what_was_set(toy):
     before = toy.get("load"), toy.get("offset")
     toy.set(load=3.0)
