@@ -4,10 +4,13 @@ import ctypes
 import gc
 import shutil
 import sys
+import threading
 
 import fmpy
+import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from pythonfmu.enums import Fmi2Status
 
 from fmus import builder
 from tests.fmus.importer import Importer
@@ -106,6 +109,67 @@ def test_a_state_is_not_written_past_the_end_of_the_memory_that_is_given(toy):
     assert call(toy, "fmi2SerializeFMUstate", state, memory, ctypes.c_size_t(size + 8)) == OK
     assert memory.raw[size:] == b"x" * 8
     toy.slave.freeFMUstate(state)
+
+
+def failing(*messages, error):
+    """A method of a slave that logs, then raises."""
+
+    def method(slave, *_):
+        for message in messages:
+            slave.log(message, Fmi2Status.warning)
+        raise error
+
+    return method
+
+
+@pytest.fixture
+def of_toy(toy, monkeypatch):
+    """Replaces a method of the slave for the test."""
+    return lambda name, method: monkeypatch.setattr(sys.modules["toy_fmu"].ToyFmu, name, method)
+
+
+def test_what_was_logged_is_heard_before_the_exception_that_ended_the_call(toy, of_toy):
+    of_toy("do_step", failing("first", "second", error=ZeroDivisionError("100 %")))
+    assert step(toy, 0.0) == ERROR
+    assert toy.log == [(1, "first"), (1, "second"), (ERROR, "ZeroDivisionError: 100 %")]
+
+
+def test_a_message_with_what_utf_8_has_no_bytes_for_is_heard_all_the_same(toy, of_toy):
+    of_toy("do_step", failing("a \udcff file", error=OSError("\udcff")))
+    assert step(toy, 0.0) == ERROR
+    assert toy.log == [(1, "a \\udcff file"), (ERROR, "OSError: an error without words")]
+
+
+@pytest.mark.parametrize("begin", range(4))
+@pytest.mark.parametrize("character", ["é", "€", "🪁"])
+def test_a_long_error_is_cut_between_two_characters(toy, of_toy, begin, character):
+    of_toy("do_step", failing(error=ValueError("x" * begin + 1000 * character)))
+    assert step(toy, 0.0) == ERROR
+    ((_, text),) = toy.log  # it has been decoded
+    assert ("ValueError: " + "x" * begin + 1000 * character).startswith(text)
+    assert 1000 - len(character.encode()) <= len(text.encode()) < 1000  # the room in fmus/front/slave.c
+
+
+def test_a_result_without_a_truth_is_an_error(toy, of_toy):
+    of_toy("do_step", lambda *_: np.zeros(2))
+    assert step(toy, 0.0) == ERROR
+    assert "ambiguous" in toy.log[-1][1]
+
+
+def test_python_goes_on_while_the_host_takes_its_time_over_a_message(toy):
+    """A host whose logger waits for another of its threads, which waits for Python, must not wait for ever."""
+    log = fmpy.fmi2.fmi2CallbackLoggerTYPE(ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value)
+    callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+    callbacks.logger, callbacks.componentEnvironment = log, 500_000  # microseconds to sleep
+    made = toy.slave.dll.fmi2Instantiate(b"x", 1, toy.description.guid.encode(), None, ctypes.byref(callbacks), 0, 0)
+    ticks, over = [], threading.Event()
+    thread = threading.Thread(target=lambda: [ticks.append(over.wait(0.01)) for _ in iter(over.is_set, True)])
+    thread.start()
+    assert toy.slave.dll.fmi2ExitInitializationMode(ctypes.c_void_p(made)) == ERROR  # refused by the slave
+    over.set()
+    thread.join()
+    assert len(ticks) > 5  # of some 50; without Python there is none or one
+    toy.slave.dll.fmi2FreeInstance(ctypes.c_void_p(made))
 
 
 def test_the_fmu_asks_to_terminate_after_a_discarded_step_and_no_longer_after_a_good_one(toy):
