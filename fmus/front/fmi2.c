@@ -178,9 +178,8 @@ Front *ready(Front *front, const char *name, const char *attribute, const char *
 /* The logger of FMI 2.0 takes a printf format, and per cent signs come doubled. */
 static void tell(Front *front, int status, const char *category, const char *text)
 {
-    const Callbacks *const host = front->host;
-    if (host != NULL && host->logger != NULL)
-        host->logger(host->environment, front->name, status, category, text);
+    if (front->host.logger != NULL)
+        front->host.logger(front->host.environment, front->name, status, category, text);
 }
 
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
@@ -190,7 +189,8 @@ EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const
     (void)logging;
     if (front == NULL)
         return NULL;
-    front->host = callbacks;
+    if (callbacks != NULL)
+        front->host = *callbacks;
     front->tell = tell;
     front->visible = visible != 0;
     front->for_co_simulation = type == CO_SIMULATION;
@@ -440,13 +440,22 @@ EXPORT int fmi2DoStep(void *component, double time, double step, int no_state_be
     return done ? OK : DISCARD;
 }
 
+/* A status that the slave cannot tell is discarded, by the standard. */
+static int untold(Front *front, const char *sentence)
+{
+    heard(front, DISCARD, "logStatusDiscard", sentence);
+    return DISCARD;
+}
+
 EXPORT int fmi2GetRealStatus(void *component, int kind, double *value)
 {
     Front *const front = begun(component);
     if (front == NULL)
         return ERROR;
-    if (kind != LAST_TIME || value == NULL)
-        return refused(front, "fmi2GetRealStatus tells the last successful time only.");
+    if (kind != LAST_TIME)
+        return untold(front, "fmi2GetRealStatus tells the last successful time only.");
+    if (value == NULL)
+        return refused(front, "There is no place for a status at a null pointer.");
     *value = front->last;
     return OK;
 }
@@ -456,8 +465,10 @@ EXPORT int fmi2GetBooleanStatus(void *component, int kind, int *value)
     Front *const front = begun(component);
     if (front == NULL)
         return ERROR;
-    if (kind != TERMINATED || value == NULL)
-        return refused(front, "fmi2GetBooleanStatus tells fmi2Terminated only.");
+    if (kind != TERMINATED)
+        return untold(front, "fmi2GetBooleanStatus tells fmi2Terminated only.");
+    if (value == NULL)
+        return refused(front, "There is no place for a status at a null pointer.");
     *value = front->discarded; /* importers that would else repeat a discarded step for ever end then */
     return OK;
 }
@@ -479,9 +490,18 @@ ABSENT(fmi2SetRealInputDerivatives, const unsigned r[], size_t n, const int orde
 ABSENT(fmi2GetRealOutputDerivatives, const unsigned r[], size_t n, const int order[], double value[])
 ABSENT(fmi2GetDirectionalDerivative, const unsigned z[], size_t nz, const unsigned v[], size_t nv, const double dv[],
        double dz[])
-ABSENT(fmi2GetStatus, int kind, int *value)
-ABSENT(fmi2GetIntegerStatus, int kind, int *value)
-ABSENT(fmi2GetStringStatus, int kind, const char **value)
 #pragma GCC diagnostic pop
+
+#define UNTOLD(name, type)                                                                      \
+    EXPORT int name(void *component, int kind, type *value)                                     \
+    {                                                                                           \
+        Front *const front = begun(component);                                                  \
+        (void)kind, (void)value; /* of a step that goes on meanwhile; here there is none */     \
+        return front == NULL ? ERROR : untold(front, #name " has nothing to tell.");            \
+    }
+
+UNTOLD(fmi2GetStatus, int)
+UNTOLD(fmi2GetIntegerStatus, int)
+UNTOLD(fmi2GetStringStatus, const char *)
 
 EXPORT int fmi2CancelStep(void *component) { return absent(component, "fmi2CancelStep"); }

@@ -30,7 +30,7 @@ typedef struct Front {
     char *name;
     char *resources;
     int visible;
-    const Callbacks *host; /* of FMI 2.0 */
+    Callbacks host; /* of FMI 2.0; a copy, as not every host keeps them */
     void (*logger)(void *, int, const char *, const char *); /* of FMI 3.0 */
     void *environment;
     void (*tell)(struct Front *, int, const char *, const char *);

@@ -41,9 +41,8 @@ def toy(toy_path):
         ("fmi2SerializedFMUstateSize", (ctypes.c_void_p(8), None)),
         ("fmi2DeSerializeFMUstate", (None, ctypes.c_size_t(5), None)),
         ("fmi2SetDebugLogging", (1, ctypes.c_size_t(2), None)),
-        ("fmi2GetRealStatus", (0, None)),
-        ("fmi2GetBooleanStatus", (0, None)),
-        ("fmi2GetStatus", (0, None)),
+        ("fmi2GetRealStatus", (2, None)),
+        ("fmi2GetBooleanStatus", (3, None)),
         ("fmi2EnterInitializationMode", ()),
         ("fmi2ExitInitializationMode", ()),
         ("fmi2SetupExperiment", (0, ctypes.c_double(0), ctypes.c_double(0), 0, ctypes.c_double(0))),
@@ -55,6 +54,26 @@ def test_a_call_that_no_host_should_make_is_an_error_with_a_sentence_and_changes
     assert toy.log[0][1].endswith(".")
     assert step(toy, 0.0) in (OK, DISCARD)  # discarded where the slave has refused the call itself
     assert step(toy, 0.0) == OK
+
+
+@pytest.mark.parametrize("kind", ["", "Real", "Integer", "Boolean", "String"])
+def test_a_status_that_cannot_be_told_is_discarded_with_a_sentence(toy, kind):
+    place = getattr(toy.slave.dll, f"fmi2Get{kind}Status").argtypes[2]._type_()
+    assert call(toy, f"fmi2Get{kind}Status", 1, ctypes.byref(place)) == DISCARD
+    ((status, sentence),) = toy.log
+    assert status == DISCARD
+    assert sentence.endswith(".")
+    assert step(toy, 0.0) == OK
+
+
+def test_the_host_need_not_keep_its_callbacks(toy):
+    callbacks = type(toy.callbacks).from_buffer_copy(toy.callbacks)
+    make, free = toy.slave.dll.fmi2Instantiate, toy.slave.dll.fmi2FreeInstance
+    made = ctypes.c_void_p(make(b"x", 1, toy.description.guid.encode(), None, ctypes.byref(callbacks), 0, 0))
+    ctypes.memset(ctypes.byref(callbacks), 0, ctypes.sizeof(callbacks))
+    assert toy.slave.dll.fmi2CancelStep(made) == ERROR
+    assert toy.log[-1] == (ERROR, "fmi2CancelStep is not supported.")
+    free(made)
 
 
 def test_every_function_takes_a_null_pointer_for_an_instance(toy):
