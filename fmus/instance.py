@@ -36,6 +36,10 @@ def _script(stem: str, path: Path) -> ModuleType:
 
 def drained(queue: list[Any]) -> list[tuple[int, str, str]]:
     """Status, category and text of the messages of a slave, taken from its queue."""
-    messages = [(int(message.status), message.category or "logStatusError", message.msg) for message in queue]
-    queue.clear()
-    return messages
+    messages, queue[:] = queue[:], []
+    return [(int(m.status), _utf8(m.category or "logStatusError"), _utf8(m.msg)) for m in messages]
+
+
+def _utf8(text: object) -> str:
+    """A text, without what UTF-8 has no bytes for, as of the name of a file that is not in UTF-8."""
+    return str(text).encode("utf-8", "backslashreplace").decode()

@@ -29,13 +29,18 @@ class MemorySlave(ListSlave):
 
     def take_arrays(self, kind: str, references: memoryview, values: memoryview) -> None:
         """Get whole variables (FMI 3.0); the reference after that of the last value is the time's."""
-        if kind == "real" and np.frombuffer(references, np.uint32).tolist() == [self._buffer.values.size]:
-            np.frombuffer(values, np.float64)[:] = self._time
-            return
-        taken = self._take(np.frombuffer(references, np.uint32), kind, whole=True)
+        wanted, room = np.frombuffer(references, np.uint32), np.frombuffer(values, MEMORY[kind])
+        clock = (wanted == self._buffer.values.size) & (kind == "real")
+        taken = self._take_with_time(wanted, clock) if clock.any() else self._take(wanted, kind, whole=True)
         if taken is not None:
-            room = np.frombuffer(values, MEMORY[kind])
             if len(room) != len(taken):
                 self._say(f"There is room for {len(room)} values, and {len(taken)} were asked for.", Fmi2Status.error)
             else:
                 room[:] = taken
+
+    def _take_with_time(self, wanted: np.ndarray, clock: np.ndarray) -> np.ndarray | None:
+        """Values of reals where those that `clock` marks are the time; None where they cannot be told."""
+        time = np.array([self._time])
+        parts = [time if c else self._take(wanted[k : k + 1], "real", whole=True) for k, c in enumerate(clock)]
+        told = [part for part in parts if part is not None]
+        return np.concatenate(told) if len(told) == len(parts) else None

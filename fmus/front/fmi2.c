@@ -76,27 +76,31 @@ static int beside(const char *file, int up, char *path, size_t size)
     return (size_t)snprintf(path + used, size - used, "/%s", file) < size - used;
 }
 
-/* The folder that a URI of the host names, or that of this FMU where there is none. */
+static int digit(char c)
+{
+    static const char digits[] = "0123456789abcdef0123456789ABCDEF";
+    const char *const at = c != '\0' ? strchr(digits, c) : NULL;
+    return at != NULL ? (int)(at - digits) % 16 : -1;
+}
+
+/* The folder that a URI (of FMI 3.0: a path) of the host names, or that of this FMU where there is none. */
 static char *resource_folder(const char *uri)
 {
     char path[4096];
     if (uri == NULL || *uri == '\0')
         return beside("resources", 2, path, sizeof path) ? strdup(path) : NULL;
-    const char *from = uri;
-    if (strncmp(from, "file:", 5) == 0) {
-        from += 5;
-        if (strncmp(from, "//", 2) == 0 && (from = strchr(from + 2, '/')) == NULL) /* after an authority, often empty */
-            return NULL;
-    }
+    if (strncmp(uri, "file:", 5) != 0) /* in a path a per cent sign is one */
+        return strdup(uri);
+    const char *from = uri + 5;
+    if (strncmp(from, "//", 2) == 0 && (from = strchr(from + 2, '/')) == NULL) /* after an authority, often empty */
+        return NULL;
     char *const folder = strdup(from), *to = folder;
     for (; folder != NULL && *from != '\0'; ++to) {
-        unsigned code;
-        if (uri != NULL && *from == '%' && sscanf(from + 1, "%2x", &code) == 1 && code != 0) {
-            *to = (char)code;
-            from += 3;
-        } else {
-            *to = *from++;
-        }
+        const int high = *from == '%' ? digit(from[1]) : -1;
+        const int low = high >= 0 ? digit(from[2]) : -1;
+        const int code = low >= 0 ? 16 * high + low : 0; /* 0: no escape, but a character */
+        *to = code != 0 ? (char)code : *from;
+        from += code != 0 ? 3 : 1;
     }
     if (folder != NULL)
         *to = '\0';
@@ -128,8 +132,9 @@ int judged(const Front *front, int done)
 Front *begun(void *component)
 {
     Front *const front = component;
-    if (front != NULL)
-        front->worst = OK;
+    if (front == NULL || !slave_callable()) /* no message: the host's logger may be a function of Python, too */
+        return NULL;
+    front->worst = OK;
     return front;
 }
 
@@ -138,7 +143,7 @@ Front *begun(void *component)
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
-void discard(Front *front)
+static void discard(Front *front)
 {
     forget_categories(front);
     free(front->resources);
@@ -173,9 +178,8 @@ Front *ready(Front *front, const char *name, const char *attribute, const char *
 /* The logger of FMI 2.0 takes a printf format, and per cent signs come doubled. */
 static void tell(Front *front, int status, const char *category, const char *text)
 {
-    const Callbacks *const host = front->host;
-    if (host != NULL && host->logger != NULL)
-        host->logger(host->environment, front->name, status, category, text);
+    if (front->host.logger != NULL)
+        front->host.logger(front->host.environment, front->name, status, category, text);
 }
 
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
@@ -185,7 +189,8 @@ EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const
     (void)logging;
     if (front == NULL)
         return NULL;
-    front->host = callbacks;
+    if (callbacks != NULL)
+        front->host = *callbacks;
     front->tell = tell;
     front->visible = visible != 0;
     front->for_co_simulation = type == CO_SIMULATION;
@@ -435,13 +440,22 @@ EXPORT int fmi2DoStep(void *component, double time, double step, int no_state_be
     return done ? OK : DISCARD;
 }
 
+/* A status that the slave cannot tell is discarded, by the standard. */
+static int untold(Front *front, const char *sentence)
+{
+    heard(front, DISCARD, "logStatusDiscard", sentence);
+    return DISCARD;
+}
+
 EXPORT int fmi2GetRealStatus(void *component, int kind, double *value)
 {
     Front *const front = begun(component);
     if (front == NULL)
         return ERROR;
-    if (kind != LAST_TIME || value == NULL)
-        return refused(front, "fmi2GetRealStatus tells the last successful time only.");
+    if (kind != LAST_TIME)
+        return untold(front, "fmi2GetRealStatus tells the last successful time only.");
+    if (value == NULL)
+        return refused(front, "There is no place for a status at a null pointer.");
     *value = front->last;
     return OK;
 }
@@ -451,8 +465,10 @@ EXPORT int fmi2GetBooleanStatus(void *component, int kind, int *value)
     Front *const front = begun(component);
     if (front == NULL)
         return ERROR;
-    if (kind != TERMINATED || value == NULL)
-        return refused(front, "fmi2GetBooleanStatus tells fmi2Terminated only.");
+    if (kind != TERMINATED)
+        return untold(front, "fmi2GetBooleanStatus tells fmi2Terminated only.");
+    if (value == NULL)
+        return refused(front, "There is no place for a status at a null pointer.");
     *value = front->discarded; /* importers that would else repeat a discarded step for ever end then */
     return OK;
 }
@@ -474,9 +490,18 @@ ABSENT(fmi2SetRealInputDerivatives, const unsigned r[], size_t n, const int orde
 ABSENT(fmi2GetRealOutputDerivatives, const unsigned r[], size_t n, const int order[], double value[])
 ABSENT(fmi2GetDirectionalDerivative, const unsigned z[], size_t nz, const unsigned v[], size_t nv, const double dv[],
        double dz[])
-ABSENT(fmi2GetStatus, int kind, int *value)
-ABSENT(fmi2GetIntegerStatus, int kind, int *value)
-ABSENT(fmi2GetStringStatus, int kind, const char **value)
 #pragma GCC diagnostic pop
+
+#define UNTOLD(name, type)                                                                      \
+    EXPORT int name(void *component, int kind, type *value)                                     \
+    {                                                                                           \
+        Front *const front = begun(component);                                                  \
+        (void)kind, (void)value; /* of a step that goes on meanwhile; here there is none */     \
+        return front == NULL ? ERROR : untold(front, #name " has nothing to tell.");            \
+    }
+
+UNTOLD(fmi2GetStatus, int)
+UNTOLD(fmi2GetIntegerStatus, int)
+UNTOLD(fmi2GetStringStatus, const char *)
 
 EXPORT int fmi2CancelStep(void *component) { return absent(component, "fmi2CancelStep"); }

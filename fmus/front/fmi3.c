@@ -79,8 +79,11 @@ EXPORT int fmi3EnterInitializationMode(void *instance, bool tolerant, double tol
     (void)tolerant, (void)tolerance, (void)stops, (void)stop;
     if (front == NULL)
         return ERROR;
-    return judged(front, slave_setup(&front->slave, start) && front->worst < DISCARD &&
-                             slave_call(&front->slave, "enter_initialization_mode"));
+    const int status = judged(front, slave_setup(&front->slave, start) && front->worst < DISCARD &&
+                                         slave_call(&front->slave, "enter_initialization_mode"));
+    if (status == OK)
+        front->last = start;
+    return status;
 }
 
 EXPORT int fmi3ExitInitializationMode(void *instance) { return fmi2ExitInitializationMode(instance); }

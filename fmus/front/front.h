@@ -24,10 +24,13 @@ typedef struct {
 /* What a variable is, as fmus/adapter.py names it. */
 typedef enum { REAL, INTEGER, BOOLEAN, STRING } Kind;
 
-/* All return 1, or 0 if Python raised; what it raised is heard as fmi2Error. None may be called with an `object` of
-   NULL, but for the first. */
+/* Those of type int return 1, or 0 if Python raised; what it raised is heard as fmi2Error. Only the first takes a slave
+   whose `object` is NULL. The GIL is not held while something is heard. */
 int slave_make(Slave *slave, const char *name, const char *resources, int visible);
 void slave_free(Slave *slave);
+/* Whether slaves that were made can still be called: not after Python has ended, but while it ends, by the thread that
+   ends it. */
+int slave_callable(void);
 int slave_call(Slave *slave, const char *method);
 int slave_setup(Slave *slave, double start);
 int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values);

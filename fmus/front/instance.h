@@ -30,7 +30,7 @@ typedef struct Front {
     char *name;
     char *resources;
     int visible;
-    const Callbacks *host; /* of FMI 2.0 */
+    Callbacks host; /* of FMI 2.0; a copy, as not every host keeps them */
     void (*logger)(void *, int, const char *, const char *); /* of FMI 3.0 */
     void *environment;
     void (*tell)(struct Front *, int, const char *, const char *);
@@ -47,7 +47,7 @@ typedef struct Front {
 /* An instance that is ready, or NULL after a message. `guid` follows `attribute` in the model description. */
 Front *ready(Front *front, const char *name, const char *attribute, const char *guid, const char *resources);
 
-/* The instance behind a pointer of the host, with a clean record; NULL for none. */
+/* The instance behind a pointer of the host, with a clean record; NULL for none, and after the end of Python. */
 Front *begun(void *component);
 
 /* Logs a sentence and returns ERROR. */

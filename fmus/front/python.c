@@ -30,7 +30,9 @@ extern char **environ;
 /* Asked of an interpreter: the file of its library, its own path, and its search path, a line each; or what it lacks,
    after an exclamation mark. */
 static const char QUESTION[] =
-    "import importlib.util, os, sys, sysconfig\n"
+    "import sys\n"
+    "sys.path = [p for p in sys.path if p]\n" /* not the host's working directory */
+    "import importlib.util, os, sysconfig\n"
     "lacks = [m for m in ('numpy', 'scipy') if importlib.util.find_spec(m) is None]\n"
     "get = sysconfig.get_config_var\n"
     "name = get('INSTSONAME') or get('LDLIBRARY') or ''\n"
@@ -40,7 +42,7 @@ static const char QUESTION[] =
     "if sys.version_info < (3, 11): print('!is Python %d.%d, and 3.11 is the oldest that will do' % sys.version_info[:2])\n"
     "elif lacks: print('!has no ' + ' and no '.join(lacks))\n"
     "elif not found: print('!has no shared library (libpython%d.%d.so)' % sys.version_info[:2])\n"
-    "else: print('\\n'.join([found[0], sys.executable] + [p for p in sys.path if p]))\n";
+    "else: sys.stdout.buffer.write(b'\\n'.join(map(os.fsencode, [found[0], sys.executable] + sys.path)))\n";
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 
@@ -113,7 +115,8 @@ static int start(const char *library, const char *program, char *paths, char *wh
             name(wide); /* kept by Python */
     }
     initialise(0); /* the host keeps its signal handlers */
-    for (char *path = strtok(paths, "\n"); path != NULL; path = strtok(NULL, "\n")) {
+    char *rest = NULL;
+    for (char *path = strtok_r(paths, "\n", &rest); path != NULL; path = strtok_r(NULL, "\n", &rest)) {
         /* hexadecimal, so that no character of a path means anything to Python */
         char *const text = malloc(2 * strlen(path) + 200);
         if (text == NULL)
@@ -130,11 +133,12 @@ static int start(const char *library, const char *program, char *paths, char *wh
 }
 
 /* Shuts out the other threads of the process, those in the binaries of other FMUs too, and opens again by `unlock`. The
-   lock of a file belongs to the opening, not to the process. Where it cannot be had, only this FMU is guarded. */
+   lock of a file belongs to the opening, not to the process; the file is one that only this process locks. Where it
+   cannot be had, only this FMU is guarded. */
 static int locked(void)
 {
     pthread_mutex_lock(&lock);
-    const int file = open("/proc/self/exe", O_RDONLY | O_CLOEXEC);
+    const int file = open("/proc/self/stat", O_RDONLY | O_CLOEXEC);
     while (file >= 0 && flock(file, LOCK_EX) != 0 && errno == EINTR)
         ;
     return file;

@@ -32,7 +32,11 @@ static struct {
     const char *(*text)(void *, long *);
     int (*bytes)(void *, char **, long *);
     int (*truth)(void *);
+    void *(*pause)(void);
+    void (*resume)(void *);
+    void *(*thread)(void);
     void (*fetch)(void **, void **, void **);
+    void (*restore)(void *, void *, void *);
     void (*normalise)(void **, void **, void **);
     void (*clear)(void);
     void *(*string)(void *);
@@ -46,8 +50,11 @@ static const char *const NAMES[] = {
     "PyGILState_Ensure", "PyGILState_Release", "PyObject_CallMethod", "PyObject_GetAttrString", "Py_BuildValue",
     "Py_CompileString", "PyEval_EvalCode", "PyDict_GetItemString", "PyMemoryView_FromMemory", "PyList_GetItem",
     "PyList_Size", "PyTuple_GetItem", "PyLong_AsLong", "PyUnicode_AsUTF8AndSize", "PyBytes_AsStringAndSize",
-    "PyObject_IsTrue", "PyErr_Fetch", "PyErr_NormalizeException", "PyErr_Clear", "PyObject_Str", "Py_DecRef",
-    "PyImport_ImportModule", "Py_IsInitialized"};
+    "PyObject_IsTrue", "PyEval_SaveThread", "PyEval_RestoreThread", "PyGILState_GetThisThreadState", "PyErr_Fetch",
+    "PyErr_Restore", "PyErr_NormalizeException", "PyErr_Clear", "PyObject_Str", "Py_DecRef", "PyImport_ImportModule",
+    "Py_IsInitialized"};
+
+_Static_assert(sizeof py / sizeof(void *) == sizeof NAMES / sizeof *NAMES, "every function of Python has its name");
 
 /* Makes the slave of an FMU whose folder of resources need not be in Python's search path. */
 static const char MAKE[] =
@@ -67,12 +74,12 @@ static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 
 static int looked_up(char *why, size_t size)
 {
-    void **const slots = (void **)&py;
     int done = 1;
     pthread_mutex_lock(&lock);
-    for (size_t i = 0; done && slots[sizeof py / sizeof *slots - 1] == NULL && i < sizeof NAMES / sizeof *NAMES; ++i) {
-        slots[i] = dlsym(RTLD_DEFAULT, NAMES[i]);
-        done = slots[i] != NULL;
+    for (size_t i = 0; done && py.running == NULL && i < sizeof NAMES / sizeof *NAMES; ++i) { /* that is the last */
+        void *const found = dlsym(RTLD_DEFAULT, NAMES[i]);
+        memcpy((char *)&py + i * sizeof found, &found, sizeof found);
+        done = found != NULL;
         if (!done)
             snprintf(why, size, "The Python of this process has no %s.", NAMES[i]);
     }
@@ -82,6 +89,18 @@ static int looked_up(char *why, size_t size)
 
 /* Messages */
 
+/* Length of a text without the last character, if that is cut off within its bytes of UTF-8. */
+static size_t whole(const char *text, size_t length)
+{
+    size_t tail = 0;
+    while (tail < 3 && tail < length && (text[length - 1 - tail] & 0xC0) == 0x80)
+        ++tail;
+    const unsigned char first = tail < length ? (unsigned char)text[length - 1 - tail] : 0;
+    const size_t wanted = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : first >= 0xC0 ? 2 : 1;
+    return tail + 1 < wanted ? length - 1 - tail : length;
+}
+
+/* Says a sentence of this file, of Python's start or of an exception; a long one is cut. */
 static void say(Slave *slave, const char *text)
 {
     char doubled[2000];
@@ -91,8 +110,17 @@ static void say(Slave *slave, const char *text)
         if (*text == '%')
             doubled[at++] = '%';
     }
-    doubled[at] = '\0';
+    doubled[whole(doubled, at)] = '\0';
     slave->hear(slave->environment, STATUS_ERROR, "logStatusError", doubled);
+}
+
+/* Hands a message on. The host may lock something of its own meanwhile that another thread holds while it waits for
+   Python: so Python is let go. */
+static void hear(Slave *slave, int status, const char *category, const char *text)
+{
+    void *const thread = py.pause();
+    slave->hear(slave->environment, status, category, text);
+    py.resume(thread);
 }
 
 /* Tells what Python has raised, and forgets it. */
@@ -113,22 +141,26 @@ static void say_raised(Slave *slave)
     py.release(type);
     py.release(value);
     py.release(trace);
+    void *const thread = py.pause(); /* as in hear() */
     say(slave, text);
+    py.resume(thread);
 }
 
-/* Hands on what the slave has logged meanwhile, in its order, and empties its list. */
+/* Hands on what the slave has logged meanwhile, in its order, and empties its list. No exception may be set. */
 static void hear_messages(Slave *slave)
 {
-    if (slave->queue == NULL || py.list_size(slave->queue) < 1)
+    if (py.list_size(slave->queue) < 1)
         return;
     void *const module = py.import("fmus.instance");
     void *const messages = module != NULL ? py.call(module, "drained", "(O)", slave->queue) : NULL;
     for (long i = 0; messages != NULL && i < py.list_size(messages); ++i) {
-        void *const message = py.list_item(messages, i);
+        void *const message = py.list_item(messages, i); /* its texts last as long as the list */
         const char *const category = py.text(py.tuple_item(message, 1), NULL);
         const char *const text = py.text(py.tuple_item(message, 2), NULL);
         if (category != NULL && text != NULL)
-            slave->hear(slave->environment, (int)py.integer(py.tuple_item(message, 0)), category, text);
+            hear(slave, (int)py.integer(py.tuple_item(message, 0)), category, text);
+        else
+            py.clear();
     }
     if (messages == NULL)
         say_raised(slave);
@@ -139,15 +171,20 @@ static void hear_messages(Slave *slave)
 /* Ends a call that has given `result`, which is released unless `kept` takes it. */
 static int ended(Slave *slave, void *result, void **kept, int gil)
 {
+    void *type = NULL, *value = NULL, *trace = NULL;
+    py.fetch(&type, &value, &trace); /* what was logged comes before what was raised then */
     hear_messages(slave);
-    if (result == NULL)
+    const int raised = result == NULL || type != NULL;
+    if (raised) {
+        py.restore(type, value, trace);
         say_raised(slave);
-    else if (kept != NULL)
+    }
+    if (!raised && kept != NULL)
         *kept = result;
     else
         py.release(result);
     py.leave(gil);
-    return result != NULL;
+    return !raised;
 }
 
 /* Life */
@@ -179,6 +216,11 @@ int slave_make(Slave *slave, const char *name, const char *resources, int visibl
     py.release(scope);
     py.leave(gil);
     return slave->object != NULL;
+}
+
+int slave_callable(void)
+{
+    return py.running() || py.thread() != NULL;
 }
 
 void slave_free(Slave *slave)

@@ -221,6 +221,31 @@ def test_two_builds_give_the_same_bytes_and_other_bytes_than_fmi_2(pair, tmp_pat
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in pair[1]]
 
 
+def test_the_time_is_got_alone_and_among_other_variables(pair):
+    with Arrays(pair[1][0]) as fmu:
+        fmu.slave.doStep(0.0, 0.5)
+        name = "displacement"
+        values = np.ravel(fmu.get(name)).tolist()
+        for names in (["time"], ["time", name], [name, "time"], ["time", name, "time", "time", name]):
+            references = [fmu.variables[n].valueReference for n in names]
+            expected = [value for n in names for value in ([0.5] if n == "time" else values)]
+            assert fmu.slave.getFloat64(references, nValues=len(expected)) == expected
+        with pytest.raises(FMICallException, match="error"):
+            fmu.slave.getFloat64(references, nValues=len(expected) - 1)
+        assert fmu.log[-1][1] == f"There is room for {len(expected) - 1} values, and {len(expected)} were asked for."
+
+
+def test_before_the_first_step_the_last_successful_time_is_the_start(pair):
+    with Arrays(pair[1][0], initialise=False) as fmu:
+        fmu.slave.enterInitializationMode(startTime=7.0)
+        fmu.slave.exitInitializationMode()
+        last, flags = ctypes.c_double(), [ctypes.c_bool() for _ in range(3)]
+        step, nan = fmu.slave.fmi3DoStep, float("nan")
+        with pytest.raises(FMICallException, match="discard"):
+            step(fmu.slave.component, 7.0, nan, True, *map(ctypes.byref, flags), ctypes.byref(last))
+        assert last.value == 7.0
+
+
 def test_fmpy_simulates_it(pair):
     path = pair[1][-1]
     name = "CL" if pair[0].has_flow else "support_force"

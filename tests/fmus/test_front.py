@@ -4,10 +4,13 @@ import ctypes
 import gc
 import shutil
 import sys
+import threading
 
 import fmpy
+import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from pythonfmu.enums import Fmi2Status
 from typer.testing import CliRunner
 
 from fmus import builder
@@ -40,9 +43,8 @@ def toy(toy_path):
         ("fmi2SerializedFMUstateSize", (ctypes.c_void_p(8), None)),
         ("fmi2DeSerializeFMUstate", (None, ctypes.c_size_t(5), None)),
         ("fmi2SetDebugLogging", (1, ctypes.c_size_t(2), None)),
-        ("fmi2GetRealStatus", (0, None)),
-        ("fmi2GetBooleanStatus", (0, None)),
-        ("fmi2GetStatus", (0, None)),
+        ("fmi2GetRealStatus", (2, None)),
+        ("fmi2GetBooleanStatus", (3, None)),
         ("fmi2EnterInitializationMode", ()),
         ("fmi2ExitInitializationMode", ()),
         ("fmi2SetupExperiment", (0, ctypes.c_double(0), ctypes.c_double(0), 0, ctypes.c_double(0))),
@@ -54,6 +56,26 @@ def test_a_call_that_no_host_should_make_is_an_error_with_a_sentence_and_changes
     assert toy.log[0][1].endswith(".")
     assert step(toy, 0.0) in (OK, DISCARD)  # discarded where the slave has refused the call itself
     assert step(toy, 0.0) == OK
+
+
+@pytest.mark.parametrize("kind", ["", "Real", "Integer", "Boolean", "String"])
+def test_a_status_that_cannot_be_told_is_discarded_with_a_sentence(toy, kind):
+    place = getattr(toy.slave.dll, f"fmi2Get{kind}Status").argtypes[2]._type_()
+    assert call(toy, f"fmi2Get{kind}Status", 1, ctypes.byref(place)) == DISCARD
+    ((status, sentence),) = toy.log
+    assert status == DISCARD
+    assert sentence.endswith(".")
+    assert step(toy, 0.0) == OK
+
+
+def test_the_host_need_not_keep_its_callbacks(toy):
+    callbacks = type(toy.callbacks).from_buffer_copy(toy.callbacks)
+    make, free = toy.slave.dll.fmi2Instantiate, toy.slave.dll.fmi2FreeInstance
+    made = ctypes.c_void_p(make(b"x", 1, toy.description.guid.encode(), None, ctypes.byref(callbacks), 0, 0))
+    ctypes.memset(ctypes.byref(callbacks), 0, ctypes.sizeof(callbacks))
+    assert toy.slave.dll.fmi2CancelStep(made) == ERROR
+    assert toy.log[-1] == (ERROR, "fmi2CancelStep is not supported.")
+    free(made)
 
 
 def test_every_function_takes_a_null_pointer_for_an_instance(toy):
@@ -110,6 +132,67 @@ def test_a_state_is_not_written_past_the_end_of_the_memory_that_is_given(toy):
     toy.slave.freeFMUstate(state)
 
 
+def failing(*messages, error):
+    """A method of a slave that logs, then raises."""
+
+    def method(slave, *_):
+        for message in messages:
+            slave.log(message, Fmi2Status.warning)
+        raise error
+
+    return method
+
+
+@pytest.fixture
+def of_toy(toy, monkeypatch):
+    """Replaces a method of the slave for the test."""
+    return lambda name, method: monkeypatch.setattr(sys.modules["toy_fmu"].ToyFmu, name, method)
+
+
+def test_what_was_logged_is_heard_before_the_exception_that_ended_the_call(toy, of_toy):
+    of_toy("do_step", failing("first", "second", error=ZeroDivisionError("100 %")))
+    assert step(toy, 0.0) == ERROR
+    assert toy.log == [(1, "first"), (1, "second"), (ERROR, "ZeroDivisionError: 100 %")]
+
+
+def test_a_message_with_what_utf_8_has_no_bytes_for_is_heard_all_the_same(toy, of_toy):
+    of_toy("do_step", failing("a \udcff file", error=OSError("\udcff")))
+    assert step(toy, 0.0) == ERROR
+    assert toy.log == [(1, "a \\udcff file"), (ERROR, "OSError: an error without words")]
+
+
+@pytest.mark.parametrize("begin", range(4))
+@pytest.mark.parametrize("character", ["é", "€", "🪁"])
+def test_a_long_error_is_cut_between_two_characters(toy, of_toy, begin, character):
+    of_toy("do_step", failing(error=ValueError("x" * begin + 1000 * character)))
+    assert step(toy, 0.0) == ERROR
+    ((_, text),) = toy.log  # it has been decoded
+    assert ("ValueError: " + "x" * begin + 1000 * character).startswith(text)
+    assert 1000 - len(character.encode()) <= len(text.encode()) < 1000  # the room in fmus/front/slave.c
+
+
+def test_a_result_without_a_truth_is_an_error(toy, of_toy):
+    of_toy("do_step", lambda *_: np.zeros(2))
+    assert step(toy, 0.0) == ERROR
+    assert "ambiguous" in toy.log[-1][1]
+
+
+def test_python_goes_on_while_the_host_takes_its_time_over_a_message(toy):
+    """A host whose logger waits for another of its threads, which waits for Python, must not wait for ever."""
+    log = fmpy.fmi2.fmi2CallbackLoggerTYPE(ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value)
+    callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+    callbacks.logger, callbacks.componentEnvironment = log, 500_000  # microseconds to sleep
+    made = toy.slave.dll.fmi2Instantiate(b"x", 1, toy.description.guid.encode(), None, ctypes.byref(callbacks), 0, 0)
+    ticks, over = [], threading.Event()
+    thread = threading.Thread(target=lambda: [ticks.append(over.wait(0.01)) for _ in iter(over.is_set, True)])
+    thread.start()
+    assert toy.slave.dll.fmi2ExitInitializationMode(ctypes.c_void_p(made)) == ERROR  # refused by the slave
+    over.set()
+    thread.join()
+    assert len(ticks) > 5  # of some 50; without Python there is none or one
+    toy.slave.dll.fmi2FreeInstance(ctypes.c_void_p(made))
+
+
 def test_the_fmu_asks_to_terminate_after_a_discarded_step_and_no_longer_after_a_good_one(toy):
     def terminated():
         value = ctypes.c_int(-1)
@@ -163,6 +246,37 @@ def test_resources_are_found_wherever_they_lie(toy_path, tmp_path, folder):
         slave.doStep(0.0, 1.0)
         slave.freeInstance()
     shutil.rmtree(place)
+
+
+@pytest.mark.parametrize(
+    ("name", "version", "form"),
+    [
+        ("a%20b", 3, "{}"),  # a path, which FMI 3.0 has
+        ("a%20b", 3, "{}/"),
+        ("a%20b", 2, "{}"),
+        ("ends with %a", 2, "file://{}"),  # URIs that are not escaped as they should be
+        ("50 % a day", 2, "file://{}"),
+        ("% 1", 2, "file:{}"),
+    ],
+)
+def test_a_per_cent_sign_that_escapes_nothing_is_one(toy, tmp_path, name, version, form):
+    place = tmp_path / name
+    shutil.copytree(f"{toy.folder}/resources", place)
+    (place / "slavemodule.txt").write_text("no such")  # only the folder that is meant has it
+    made = instantiated(toy, version, form.format(place).encode())
+    assert not made
+    assert str(place / "no such.py") in toy.log[-1][1].replace("%%", "%")
+
+
+def instantiated(toy, version, resources):
+    """Another instance from the same binary, or None."""
+    dll, guid = toy.slave.dll, toy.description.guid.encode()
+    if version == 2:
+        return dll.fmi2Instantiate(b"x", 1, guid, resources, ctypes.byref(toy.callbacks), 0, 0)
+    make = dll.fmi3InstantiateCoSimulation
+    make.restype = ctypes.c_void_p
+    log = fmpy.fmi3.fmi3LogMessageCallback(lambda _, status, category, text: toy.log.append((status, text.decode())))
+    return make(b"x", guid, resources, False, False, False, False, None, ctypes.c_size_t(0), None, log, None)
 
 
 def test_a_reset_instance_takes_fixed_parameters_again_and_forgets_what_was_set(toy):
