@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import shutil
+import subprocess
 import sys
 import threading
 
@@ -341,3 +342,39 @@ def test_an_fmu_that_was_built_without_a_compiler_works_with_the_binary_of_pytho
             assert step(toy, 3.0) == OK
             ends.append((toy.get("position"), toy.get("steps"), toy.get("loaded")))
     assert ends[0] == ends[1]
+
+
+LATE = """
+import atexit, ctypes, sys
+import fmpy
+
+path, guid, resources = sys.argv[1:]
+dll = ctypes.CDLL(path)
+dll.fmi2Instantiate.restype = ctypes.c_void_p
+callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+made = ctypes.c_void_p(
+    dll.fmi2Instantiate(b"x", 1, guid.encode(), resources.encode(), ctypes.byref(callbacks), 0, 0)
+)
+zero = ctypes.c_double(0.0)
+assert dll.fmi2SetupExperiment(made, 0, zero, zero, 0, zero) == 0
+assert dll.fmi2EnterInitializationMode(made) == dll.fmi2ExitInitializationMode(made) == 0
+process = ctypes.CDLL(None)
+at_end = getattr(process, "__cxa_atexit")
+for function in (dll.fmi2FreeInstance, dll.fmi2Terminate, dll.fmi2Reset):  # the last is called first
+    at_end(ctypes.cast(function, ctypes.c_void_p), made, None)
+atexit.register(lambda: print(dll.fmi2DoStep(made, zero, ctypes.c_double(1.0), 0)))
+
+
+class Late:
+    def __del__(self, terminate=dll.fmi2Terminate, made=made, say=print):
+        say(terminate(made))
+
+
+sys.modules["late"] = Late()
+"""
+
+
+def test_a_host_may_call_while_python_ends_and_after_it_has_ended(toy):
+    command = [sys.executable, "-c", LATE, toy.slave.dll._name, toy.description.guid, f"file://{toy.folder}/resources"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=toy.folder)
+    assert (done.stdout, done.stderr, done.returncode) == ("0\n0\n", "", 0)
