@@ -76,22 +76,22 @@ static int beside(const char *file, int up, char *path, size_t size)
     return (size_t)snprintf(path + used, size - used, "/%s", file) < size - used;
 }
 
-/* The folder that a URI of the host names, or that of this FMU where there is none. */
+/* The folder that the host names, by a URI (FMI 2.0) or a path (FMI 3.0), or that of this FMU where it names none. Only
+   in a URI does a per cent sign begin a code. */
 static char *resource_folder(const char *uri)
 {
     char path[4096];
     if (uri == NULL || *uri == '\0')
         return beside("resources", 2, path, sizeof path) ? strdup(path) : NULL;
-    const char *from = uri;
-    if (strncmp(from, "file:", 5) == 0) {
-        from += 5;
-        if (strncmp(from, "//", 2) == 0 && (from = strchr(from + 2, '/')) == NULL) /* after an authority, often empty */
-            return NULL;
-    }
+    if (strncmp(uri, "file:", 5) != 0)
+        return strdup(uri);
+    const char *from = uri + 5;
+    if (strncmp(from, "//", 2) == 0 && (from = strchr(from + 2, '/')) == NULL) /* after an authority, often empty */
+        return NULL;
     char *const folder = strdup(from), *to = folder;
     for (; folder != NULL && *from != '\0'; ++to) {
         unsigned code;
-        if (uri != NULL && *from == '%' && sscanf(from + 1, "%2x", &code) == 1 && code != 0) {
+        if (*from == '%' && sscanf(from + 1, "%2x", &code) == 1 && code != 0) {
             *to = (char)code;
             from += 3;
         } else {

@@ -160,6 +160,26 @@ def test_a_state_repeats_the_steps_also_serialised_in_a_new_instance(pair):
         assert steps(other) == expected
 
 
+@pytest.mark.parametrize("folder", ["plain", "with a space", "50 % of l'île", "a%20b"])
+def test_resources_are_found_wherever_they_lie(scene, tmp_path, folder):
+    place = tmp_path / folder
+    fmpy.extract(build(scene, tmp_path, fmi=3)[0], place)
+    description = fmpy.read_model_description(place)
+    slave = fmi3.FMU3Slave(
+        guid=description.guid,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        unzipDirectory=str(place),
+        instanceName="x",
+    )
+    nothing = fmi3.fmi3LogMessageCallback(), fmi3.fmi3IntermediateUpdateCallback()
+    for path in (f"{place}/resources/", f"{place}/resources", None):  # FMI 3.0 gives a path of the system, not a URI
+        slave.component = slave.dll.fmi3InstantiateCoSimulation(
+            b"x", description.guid.encode(), path and path.encode(), 0, 0, 0, 0, None, 0, None, *nothing
+        )
+        assert slave.component, path
+        slave.fmi3FreeInstance(slave.component)
+
+
 def test_what_does_not_fit_is_refused_and_the_old_values_stay(pair):
     with Arrays(pair[1][0]) as fmu:
         before = fmu.get("pressure")
