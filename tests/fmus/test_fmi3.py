@@ -204,6 +204,23 @@ def test_what_does_not_fit_is_refused_and_the_old_values_stay(pair):
             assert "fixed parameter" in fmu.log[-1][1]
 
 
+@pytest.mark.parametrize(
+    ("name", "token", "sentence"),
+    [
+        (b"", None, "An instance needs a name that is not empty."),
+        (b"x", b"{of another}", "The instantiation token is not that of the FMU's model description."),
+        (b"x", b"", "The instantiation token is not that of the FMU's model description."),
+    ],
+)
+def test_an_instance_that_cannot_be_is_refused_with_a_sentence(pair, name, token, sentence):
+    with Arrays(pair[1][0]) as fmu:
+        token = fmu.slave.guid.encode() if token is None else token
+        calls = fmu.slave.logMessage, fmi3.fmi3IntermediateUpdateCallback()
+        made = fmu.slave.dll.fmi3InstantiateCoSimulation(name, token, b"", 0, 0, 0, 0, None, 0, None, *calls)
+        assert not made
+        assert fmu.log[-1] == (ERROR, sentence)
+
+
 def test_types_that_no_variable_has_and_events_are_refused_with_a_sentence(pair):
     with Arrays(pair[1][0]) as fmu:
         with pytest.raises(FMICallException, match="error"):
