@@ -24,10 +24,7 @@ def array_description(instance: CoreFmu, token: str) -> Element:
     root = Element("fmiModelDescription", {"fmiVersion": "3.0", "modelName": name, "instantiationToken": token})
     root.attrib |= {"description": instance.description or "", "variableNamingConvention": "structured"}
     describe_model(root)
-    flags = ("needsExecutionTool", "canHandleVariableCommunicationStepSize", "canGetAndSetFMUState")
-    SubElement(
-        root, "CoSimulation", {"modelIdentifier": name} | dict.fromkeys((*flags, "canSerializeFMUState"), "true")
-    )
+    SubElement(root, "CoSimulation", {"modelIdentifier": name} | dict.fromkeys(CAPABILITIES, "true"))
     variables = [variable for variable, _ in instance.blocks.values()]
     root.append(unit_definitions(variables))
     categories = SubElement(root, "LogCategories")

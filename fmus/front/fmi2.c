@@ -164,7 +164,8 @@ Front *ready(Front *front, const char *name, const char *attribute, const char *
     else if (!front->for_co_simulation)
         refused(front, "The FMU is for co-simulation only.");
     else if (guid == NULL || other_guid(attribute, guid))
-        refused(front, "The GUID is not that of the FMU's model description.");
+        refused(front, "The %s is not that of the FMU's model description.",
+                strncmp(attribute, "guid", 4) == 0 ? "GUID" : "instantiation token");
     else if (front->resources == NULL)
         refused(front, "The folder of the FMU's resources is not known.");
     else

@@ -160,6 +160,26 @@ def test_a_state_repeats_the_steps_also_serialised_in_a_new_instance(pair):
         assert steps(other) == expected
 
 
+@pytest.mark.parametrize("folder", ["plain", "with a space", "50 % of l'île", "a%20b"])
+def test_resources_are_found_wherever_they_lie(scene, tmp_path, folder):
+    place = tmp_path / folder
+    fmpy.extract(build(scene, tmp_path, fmi=3)[0], place)
+    description = fmpy.read_model_description(place)
+    slave = fmi3.FMU3Slave(
+        guid=description.guid,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        unzipDirectory=str(place),
+        instanceName="x",
+    )
+    nothing = fmi3.fmi3LogMessageCallback(), fmi3.fmi3IntermediateUpdateCallback()
+    for path in (f"{place}/resources/", f"{place}/resources", None):  # FMI 3.0 gives a path of the system, not a URI
+        slave.component = slave.dll.fmi3InstantiateCoSimulation(
+            b"x", description.guid.encode(), path and path.encode(), 0, 0, 0, 0, None, 0, None, *nothing
+        )
+        assert slave.component, path
+        slave.fmi3FreeInstance(slave.component)
+
+
 def test_what_does_not_fit_is_refused_and_the_old_values_stay(pair):
     with Arrays(pair[1][0]) as fmu:
         before = fmu.get("pressure")
@@ -182,6 +202,23 @@ def test_what_does_not_fit_is_refused_and_the_old_values_stay(pair):
             with pytest.raises(FMICallException, match="error"):
                 fmu.set("trim_angle", [0.1])
             assert "fixed parameter" in fmu.log[-1][1]
+
+
+@pytest.mark.parametrize(
+    ("name", "token", "sentence"),
+    [
+        (b"", None, "An instance needs a name that is not empty."),
+        (b"x", b"{of another}", "The instantiation token is not that of the FMU's model description."),
+        (b"x", b"", "The instantiation token is not that of the FMU's model description."),
+    ],
+)
+def test_an_instance_that_cannot_be_is_refused_with_a_sentence(pair, name, token, sentence):
+    with Arrays(pair[1][0]) as fmu:
+        token = fmu.slave.guid.encode() if token is None else token
+        calls = fmu.slave.logMessage, fmi3.fmi3IntermediateUpdateCallback()
+        made = fmu.slave.dll.fmi3InstantiateCoSimulation(name, token, b"", 0, 0, 0, 0, None, 0, None, *calls)
+        assert not made
+        assert fmu.log[-1] == (ERROR, sentence)
 
 
 def test_types_that_no_variable_has_and_events_are_refused_with_a_sentence(pair):
@@ -216,7 +253,7 @@ def test_every_function_takes_null_pointers_for_the_instance_and_for_all_else(pa
         fmu.slave.doStep(0.0, 1.0)
 
 
-def test_two_builds_give_the_same_bytes_and_other_bytes_than_fmi_2(pair, tmp_path):
+def test_two_builds_give_the_same_bytes(pair, tmp_path):
     again = build(pair[0], tmp_path, start(pair[0]), fmi=3)
     assert [path.read_bytes() for path in again] == [path.read_bytes() for path in pair[1]]
 
