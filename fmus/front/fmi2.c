@@ -143,7 +143,7 @@ Front *begun(void *component)
 EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
 EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
-static void discard(Front *front)
+static void free_front(Front *front)
 {
     forget_categories(front);
     free(front->resources);
@@ -172,7 +172,7 @@ Front *ready(Front *front, const char *name, const char *attribute, const char *
         made = slave_make(&front->slave, front->name, front->resources, front->visible);
     if (made)
         return front;
-    discard(front);
+    free_front(front);
     return NULL;
 }
 
@@ -217,7 +217,7 @@ EXPORT void fmi2FreeInstance(void *component)
     while (front->states != NULL)
         free_state(front, front->states);
     slave_free(&front->slave);
-    discard(front);
+    free_front(front);
 }
 
 EXPORT int fmi2SetDebugLogging(void *component, int logging, size_t count, const char *const categories[])

@@ -51,7 +51,7 @@ Front *ready(Front *front, const char *name, const char *attribute, const char *
 Front *begun(void *component);
 
 /* Logs a sentence and returns ERROR. */
-int refused(Front *front, const char *format, ...);
+int refused(Front *front, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 /* The status of a call: whatever the slave has said of it as an error makes it one. */
 int judged(const Front *front, int done);

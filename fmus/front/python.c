@@ -165,7 +165,9 @@ static int found(const char *const *candidates, char *why, size_t size)
     for (; !done && !failed && *candidates != NULL; ++candidates) {
         const size_t length = strlen(why);
         if (!ask(*candidates, answer)) {
-            say(why + length, size - length, " %s cannot be run;", *candidates);
+            const char *const home = getenv("PYTHONHOME"); /* of another Python, it stops this one */
+            say(why + length, size - length, " %s cannot be run%s%s;", *candidates, home != NULL ? " with PYTHONHOME=" : "",
+                home != NULL ? home : "");
         } else if (*answer == '!') {
             say(why + length, size - length, " %s %s;", *candidates, answer + 1);
         } else {

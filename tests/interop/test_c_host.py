@@ -102,6 +102,15 @@ def test_a_c_host_tunes_a_parameter_and_goes_on_after_a_refusal(host, shell, tmp
     assert "recovered 0" in lines
 
 
+def test_a_home_of_another_python_is_named_as_what_stops_this_one(host, wired, tmp_path):
+    if reason := lacking():
+        Row.not_run(reason)
+    place = environment("host-env") | {"PYTHONHOME": str(tmp_path)}
+    done = program([str(host), str(wired["own"])], tmp_path, place)
+    assert f"{place['KITECOSIM_PYTHON']} cannot be run with PYTHONHOME={tmp_path};" in done.stdout
+    assert done.returncode == 2
+
+
 @pytest.mark.parametrize("order", ["serial", "parallel"])
 def test_nothing_reads_or_writes_where_it_must_not(order, wired, tmp_path):
     library = program(["gcc", "-print-file-name=libasan.so"], tmp_path).stdout.strip() if not lacking() else ""
