@@ -3,8 +3,11 @@
 import importlib
 import sys
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import Any
+
+_LOCK = RLock()  # a script runs once, also where two threads make the first instances at once
 
 
 def instance(resources: str, name: str, visible: bool) -> Any:
@@ -20,17 +23,21 @@ def instance(resources: str, name: str, visible: bool) -> Any:
         module = _script(stem, folder / f"{stem}.py")
     own = [value for value in vars(module).values() if isinstance(value, type) and value.__module__ == module.__name__]
     slaves = [value for value in own if hasattr(value, "do_step")]
+    if not slaves:
+        raise ValueError(f"{stem}.py has no class with a method do_step.")
     return slaves[-1](instance_name=name, resources=resources, visible=visible)
 
 
 def _script(stem: str, path: Path) -> ModuleType:
     """The module of a script, where states find their classes; the one that is there, if it is of the same text."""
     text = path.read_text(encoding="utf-8")
-    module = sys.modules.get(stem)
-    if module is None or vars(module).get("_text") != text:
-        module = sys.modules[stem] = ModuleType(stem)
-        vars(module).update(__file__=str(path), _text=text)
-        exec(compile(text, str(path), "exec"), vars(module))
+    with _LOCK:
+        module = sys.modules.get(stem)
+        if module is None or vars(module).get("_text") != text:
+            module = sys.modules[stem] = ModuleType(stem)
+            vars(module)["__file__"] = str(path)
+            exec(compile(text, str(path), "exec"), vars(module))
+            vars(module)["_text"] = text  # it is whole
     return module
 
 

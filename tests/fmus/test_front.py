@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import fmpy
 import numpy as np
@@ -15,6 +16,7 @@ from pythonfmu.enums import Fmi2Status
 from typer.testing import CliRunner
 
 from fmus import builder
+from fmus.instance import instance
 from master.cli import app
 from tests.fmus.importer import Importer
 from tests.fmus.test_capabilities import call, step
@@ -342,6 +344,24 @@ def test_an_fmu_that_was_built_without_a_compiler_works_with_the_binary_of_pytho
             assert step(toy, 3.0) == OK
             ends.append((toy.get("position"), toy.get("steps"), toy.get("loaded")))
     assert ends[0] == ends[1]
+
+
+def test_a_script_is_whole_for_every_thread_that_makes_an_instance_and_is_read_anew_after_a_failure(tmp_path):
+    (tmp_path / "slavemodule.txt").write_text("slow")
+    script = tmp_path / "slow.py"
+    script.write_text("import time\ntime.sleep(0.2)\nraise OSError('not now')\n")
+    for _ in range(2):
+        with pytest.raises(OSError, match="not now"):
+            instance(str(tmp_path), "x", False)
+    script.write_text("a = 1\n")
+    with pytest.raises(ValueError, match=r"slow.py has no class with a method do_step\."):
+        instance(str(tmp_path), "x", False)
+    script.write_text(
+        "import time\ntime.sleep(0.2)\nclass Slave:\n    def __init__(self, **_): pass\n    def do_step(self): pass\n"
+    )
+    with ThreadPoolExecutor(4) as pool:
+        made = list(pool.map(lambda _: instance(str(tmp_path), "x", False), range(4)))
+    assert {type(slave) for slave in made} == {sys.modules.pop("slow").Slave}
 
 
 LATE = """
