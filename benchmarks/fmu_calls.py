@@ -212,15 +212,15 @@ class Sequence:
         number, whole, text = c_double(), c_int(), c_char_p()
         match int(rng.integers(6)):
             case 0:
-                status, wanted = self.one.call("GetRealStatus", kind, byref(number)), OK if kind == 2 else ERROR
+                status, wanted = self.one.call("GetRealStatus", kind, byref(number)), OK if kind == 2 else DISCARD
             case 1:
-                status, wanted = self.one.call("GetBooleanStatus", kind, byref(whole)), OK if kind == 3 else ERROR
+                status, wanted = self.one.call("GetBooleanStatus", kind, byref(whole)), OK if kind == 3 else DISCARD
             case 2:
-                status, wanted = self.one.call("GetStatus", kind, byref(whole)), ERROR
+                status, wanted = self.one.call("GetStatus", kind, byref(whole)), DISCARD
             case 3:
-                status, wanted = self.one.call("GetIntegerStatus", kind, byref(whole)), ERROR
+                status, wanted = self.one.call("GetIntegerStatus", kind, byref(whole)), DISCARD
             case 4:
-                status, wanted = self.one.call("GetStringStatus", kind, byref(text)), ERROR
+                status, wanted = self.one.call("GetStringStatus", kind, byref(text)), DISCARD
             case _:
                 one, order = (c_uint * 1)(0), (c_int * 1)(1)
                 status = self.one.call("SetRealInputDerivatives", one, c_size_t(1), order, byref(number))
