@@ -4,7 +4,7 @@ A value is checked where it is set: one that is refused is logged, the old one s
 changed to the core, solves, and fetches the outputs.
 
 Nothing may leave the methods that a binary calls: they log one sentence instead, for which that of this project
-(fmus/front) returns fmi2Error. That of PythonFMU, in FMUs for other platforms, cannot, and answers an exception with
+(fmus/binary) returns fmi2Error. That of PythonFMU, in FMUs for other platforms, cannot, and answers an exception with
 fmi2Fatal and a double free; so the step that follows a refusal is discarded too.
 """
 
@@ -23,9 +23,9 @@ from pythonfmu import DefaultExperiment
 from pythonfmu.enums import Fmi2Status
 
 import scenes
+from fmus.accessors import ValueSlave
 from fmus.buffer import Buffer
 from fmus.description import add_variables, describe_model
-from fmus.memory import MemorySlave
 from fmus.sharing import end_cleanly, share_modules
 from scenes.variables import StepFailed, Variable
 
@@ -48,7 +48,7 @@ class Core(Protocol):
     def restore(self, state: Any) -> None: ...
 
 
-class CoreFmu(MemorySlave):
+class CoreFmu(ValueSlave):
     """FMI slave of one solver core: the given one, or the one of the scene in the FMU's resources."""
 
     title = "Solver"

@@ -14,7 +14,6 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pythonfmu
@@ -22,6 +21,7 @@ import pythonfmu
 from fmus.adapter import SCENE_FILE, CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.arrays import array_description
+from fmus.description import xml_file
 from fmus.documentation import external_dependencies, page
 from fmus.documentation.licences import licences
 from fmus.documentation.picture import icon
@@ -32,6 +32,7 @@ from scenes import Scene
 
 NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder beside the files that it is made of
 BINARIES = Path("resources", "binaries")
+LINUX = {2: "linux64", 3: "x86_64-linux"}  # version of FMI -> what it calls the platform
 # What only building needs, and an FMU does not carry.
 BUILDING = {f"fmus/{name}.py" for name in ("arrays", "builder", "host", "ssp")}
 BUILDING |= {f"pythonfmu/{name}.py" for name in ("__main__", "csvbuilder", "deploy")}
@@ -139,7 +140,7 @@ def archive(name: str, instance: CoreFmu, files: dict[str, bytes], fmi: int = 2)
     files |= {f"binaries/{path}": content for path, content in _binaries(identifier, fmi).items()}
     files.setdefault("documentation/index.html", page(instance, own_binary=own_binary() is not None, fmi=fmi).encode())
     files["documentation/externalDependencies.txt"] = external_dependencies().encode()
-    files |= licences(files, _own_binaries(files))
+    files |= licences(files, {f"binaries/{LINUX[fmi]}/{identifier}.so"} if own_binary() is not None else set())
     digest = hashlib.sha256(_description(instance, "", fmi))
     for path in sorted(files):
         digest.update(path.encode() + b"\0" + hashlib.sha256(files[path]).digest())
@@ -175,25 +176,18 @@ def _binaries(identifier: str, fmi: int) -> dict[str, bytes]:
                 "FMUs of FMI 3 need the binary of this project, which is compiled when it is installed on Linux; "
                 "install a C compiler (Debian: gcc), then kitecosim again."
             )
-        return {f"x86_64-linux/{identifier}.so": own.read_bytes()}
+        return {f"{LINUX[fmi]}/{identifier}.so": own.read_bytes()}
     found = {}
     for binary in (_pythonfmu() / BINARIES).glob("*/*"):
         found[f"{binary.parent.name}/{identifier}{binary.suffix}"] = binary
     if own is not None:
-        found[f"linux64/{identifier}.so"] = own
+        found[f"{LINUX[fmi]}/{identifier}.so"] = own
     return {path: binary.read_bytes() for path, binary in found.items()}
 
 
-def _own_binaries(files: Mapping[str, bytes]) -> list[str]:
-    """Those of the binaries among `files` that are compiled from this project."""
-    own = own_binary()
-    content = None if own is None else own.read_bytes()
-    return [path for path in files if path.startswith("binaries/") and files[path] == content]
-
-
 def own_binary() -> Path | None:
-    """The binary of this project (fmus/front); None where it was not compiled."""
-    path = Path(__file__).with_name(f"_front{sysconfig.get_config_var('EXT_SUFFIX')}")
+    """The binary of this project (fmus/binary); None where it was not compiled."""
+    path = Path(__file__).with_name(f"_binary{sysconfig.get_config_var('EXT_SUFFIX')}")
     return path if sys.platform == "linux" and platform.machine() == "x86_64" and path.is_file() else None
 
 
@@ -213,10 +207,7 @@ def _package_sources() -> dict[str, bytes]:
 
 def _description(instance: CoreFmu, guid: str, fmi: int) -> bytes:
     instance.guid = guid
-    root = instance.to_xml() if fmi == 2 else array_description(instance, guid)
-    ElementTree.indent(root)
-    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
-    return text
+    return xml_file(instance.to_xml() if fmi == 2 else array_description(instance, guid))
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from itertools import product
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from scenes.variables import Variable
@@ -150,3 +151,10 @@ def _add_scalars(variables: Element, variable: Variable, first: int, start: list
         scalar = SubElement(variables, "ScalarVariable", identity | attributes)
         given = {"start": text(value)} if variable.causality != "output" else {}
         SubElement(scalar, variable.kind.capitalize(), limits | given)
+
+
+def xml_file(root: Element) -> bytes:
+    """The content of an XML file."""
+    ElementTree.indent(root)
+    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text

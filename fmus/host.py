@@ -6,7 +6,7 @@ import sys
 import sysconfig
 from pathlib import Path
 
-PYTHON = "KITECOSIM_PYTHON"  # names the interpreter that an FMU starts (fmus/front/python.c)
+PYTHON = "KITECOSIM_PYTHON"  # names the interpreter that an FMU starts (fmus/binary/python.c)
 
 
 def host_environment(preload: bool = False) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What the binary of an FMU (fmus/front/slave.c) asks of Python: an instance, and what it has logged."""
+"""What the binary of an FMU (fmus/binary/slave.c) asks of Python: an instance, and what it has logged."""
 
 import importlib
 import sys

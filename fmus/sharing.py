@@ -39,7 +39,7 @@ def end_cleanly(resources: Path) -> None:
     Left to itself, PythonFMU's binary does it while it is unloaded, twice, the second time on freed memory and, where
     it owns the interpreter, after the libraries of numpy and scipy have ended: the process may abort or hang at exit,
     after correct results. Its own function, called before all that, leaves nothing to do for the two. The binary of
-    this project (fmus/front) has no such function, and needs none.
+    this project (fmus/binary) has no such function, and needs none.
     """
     for path in (resources.parent / "binaries").glob("*/*.so"):
         with contextlib.suppress(OSError, AttributeError):  # of another platform, or made otherwise

@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from fmus.builder import written, zipped
+from fmus.description import xml_file
 
 SIDES = ("structural", "aero")  # names of the components
 NAMESPACES = {
@@ -66,10 +67,10 @@ def package(name: str, paths: Sequence[Path], out_dir: str | Path) -> Path:
     for start, end in permutations(fmus, 2):
         inputs = set(fmus[end].names("input"))
         connections += [(start, end, name) for name in fmus[start].names("output") if name in inputs]
-    files = {"SystemStructure.ssd": _text(_structure(name, fmus, connections))}
+    files = {"SystemStructure.ssd": xml_file(_structure(name, fmus, connections))}
     for side, fmu in fmus.items():
         files[f"resources/{side}.fmu"] = fmu.content
-        files[f"resources/{side}.ssv"] = _text(_parameters(side, fmu))
+        files[f"resources/{side}.ssv"] = xml_file(_parameters(side, fmu))
     return written(Path(out_dir) / f"{name}.ssp", zipped(files))
 
 
@@ -149,9 +150,3 @@ def _units(root: Element, tag: str, units: Mapping[str, Mapping[str, str]]) -> N
         listed = SubElement(root, tag)
         for name in sorted(units):
             SubElement(SubElement(listed, "ssc:Unit", name=name), "ssc:BaseUnit", dict(units[name]))
-
-
-def _text(root: Element) -> bytes:
-    ElementTree.indent(root)
-    text: bytes = ElementTree.tostring(root, encoding="UTF-8", xml_declaration=True)
-    return text

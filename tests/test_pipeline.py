@@ -49,4 +49,4 @@ def test_it_passes_with_only_the_installed_package(installed, tmp_path):
 def test_a_wheel_carries_the_binary_where_there_is_a_compiler(installed):
     if not shutil.which((sysconfig.get_config_var("CC") or "cc").split()[0]):
         pytest.skip("not run: there is no C compiler")
-    assert list((installed / "fmus").glob("_front*.so"))
+    assert list((installed / "fmus").glob("_binary*.so"))

@@ -14,11 +14,10 @@ from fmus.adapter import CoreFmu
 from fmus.description import PROJECT
 from fmus.documentation import texts
 from fmus.documentation.picture import drawing
-from fmus.documentation.reference import RELATIVE, STEPS
+from fmus.documentation.reference import INTERFACE, LOADS, RELATIVE, STEPS
 from scenes import Scene
 from scenes.variables import Variable
 
-INTERFACE = ("displacement", "pressure", "shear", "line_load")
 HOST_PACKAGES = ("numpy", "scipy")  # what an FMU imports and does not carry
 Rows = Iterable[Sequence[Any]]
 
@@ -161,7 +160,7 @@ def _flow(scene: Scene) -> str:
 def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
     """Order of exchange, signs, and a table for every kind of thing that an index counts."""
     blocks = instance.blocks
-    loads = [f"<code>{name}</code>" for name in ("pressure", "shear", "line_load") if name in blocks]
+    loads = [f"<code>{name}</code>" for name in LOADS if name in blocks]
     text = (texts.EXCHANGE if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
     if "trim_angle" in blocks and scene.pivot is not None:
         place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())

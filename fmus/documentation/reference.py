@@ -15,7 +15,8 @@ STEPS = 5  # communication steps of 1 s
 # To compare with on another machine. Rounding and the solvers' tolerances move results by some 1e-11 of a variable.
 RELATIVE = ABSOLUTE = 1e-6
 SOLVERS = ("residual", "newton_iterations")  # how a solver got there, no result: other on every machine
-LOADS = ("pressure", "shear", "line_load")
+LOADS = ("pressure", "shear", "line_load")  # what a flow gives a structure, as far as a scene has it
+INTERFACE = ("displacement", *LOADS)
 
 
 def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
@@ -74,7 +75,7 @@ def _inputs(core: Any) -> list[Variable]:
 
 def _results(core: Any) -> list[Variable]:
     outputs = [v for v in core.variables if v.causality == "output"]
-    return [v for v in outputs if (v.size <= 3 and v.name not in SOLVERS) or v.name in (*LOADS, "displacement")]
+    return [v for v in outputs if (v.size <= 3 and v.name not in SOLVERS) or v.name in INTERFACE]
 
 
 def _stepped(core: Any, k: int, inputs: list[list[Any]], results: list[list[Any]]) -> None:

@@ -3,8 +3,9 @@
 import pytest
 
 import scenes
-from fmus.builder import archive, build
+from fmus.builder import archive, build, own_binary
 from tests.fmus.cases import CASES, label, start
+from tests.fmus.importer import Importer
 from tests.fmus.toy_fmu import Toy, ToyFmu
 
 
@@ -14,6 +15,15 @@ def toy_path(tmp_path_factory):
     path = tmp_path_factory.mktemp("toy") / "toy.fmu"
     path.write_bytes(archive("toy", ToyFmu(Toy(), instance_name="toy"), {}))
     return path
+
+
+@pytest.fixture
+def own_toy(toy_path):
+    """An instance of the toy whose FMU has the binary of this project."""
+    if own_binary() is None:
+        pytest.skip("not run: no C compiler was there when the project was installed")
+    with Importer(toy_path) as importer:
+        yield importer
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,19 @@ def listen(environment, _instance, status, _category, text):
     LOGS[environment].append((status, text.decode()))
 
 
-class Importer:
+class Ending:
+    """An instance `slave` of fmpy, of an FMU unpacked in `folder`; as a context it terminates, frees and removes."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.slave.terminate()
+        self.slave.freeInstance()
+        shutil.rmtree(self.folder)
+
+
+class Importer(Ending):
     """One instance of an FMU; `log` holds (status, message)."""
 
     def __init__(self, path, initialise=True):
@@ -41,14 +53,6 @@ class Importer:
         self.slave.enterInitializationMode()
         if initialise:
             self.slave.exitInitializationMode()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.slave.terminate()
-        self.slave.freeInstance()
-        shutil.rmtree(self.folder)
 
     def names(self, block):
         return [name for name in self.references if name.partition("[")[0] == block]

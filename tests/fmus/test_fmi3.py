@@ -14,7 +14,7 @@ from lxml import etree
 from fmus import builder
 from fmus.builder import build
 from tests.fmus.cases import PLAIN, label, start
-from tests.fmus.importer import Importer
+from tests.fmus.importer import Ending, Importer
 
 DISCARD, ERROR = 2, 3
 TYPES = {"Float64": ctypes.c_double, "Int32": ctypes.c_int32, "Boolean": ctypes.c_bool}
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-class Arrays:
+class Arrays(Ending):
     """One instance of an FMU of FMI 3.0; `log` holds (status, message)."""
 
     def __init__(self, path, initialise=True):
@@ -42,14 +42,6 @@ class Arrays:
         if initialise:
             self.slave.enterInitializationMode()
             self.slave.exitInitializationMode()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.slave.terminate()
-        self.slave.freeInstance()
-        shutil.rmtree(self.folder)
 
     def shape(self, name):
         return tuple(int(d.start) for d in self.variables[name].dimensions)

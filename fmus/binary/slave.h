@@ -1,14 +1,14 @@
-/* The binary of the FMUs on Linux: the functions of FMI 2.0 and 3.0 (fmi2.c, fmi3.c), an object of Python behind each instance
-   (slave.c), and Python itself, which it starts where the host has none (python.c). */
+/* The object of Python behind an instance (slave.c), and Python itself, which is started where the host has none
+   (python.c). */
 
-#ifndef KITECOSIM_FRONT_H
-#define KITECOSIM_FRONT_H
+#ifndef KITECOSIM_SLAVE_H
+#define KITECOSIM_SLAVE_H
 
 #include <stddef.h>
 
 /* Makes Python callable in this process, unless it is already, and returns 1. Otherwise returns 0 with one sentence
    in `why`, of at most `size` bytes with its end. */
-int front_start_python(char *why, size_t size);
+int start_python(char *why, size_t size);
 
 /* Called for every message of a slave: an fmi2Status, a log category, and a text in which per cent signs are doubled. */
 typedef void Hear(void *environment, int status, const char *category, const char *text);
@@ -33,11 +33,10 @@ void slave_free(Slave *slave);
 int slave_callable(void);
 int slave_call(Slave *slave, const char *method);
 int slave_setup(Slave *slave, double start);
-int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values);
-int slave_take(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values);
-/* As in FMI 3.0: a value reference is a whole variable; `size` values in all. */
-int slave_put_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values, size_t size);
-int slave_take_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values, size_t size);
+/* `references` are scalars, as in FMI 2.0, or `whole` variables, as in FMI 3.0; `size` values in all. */
+int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values, size_t size,
+              int whole);
+int slave_take(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values, size_t size, int whole);
 int slave_step(Slave *slave, double time, double step, int *done);
 
 /* States: references to objects of Python, to be given back. */

@@ -5,7 +5,7 @@
 
 #define _GNU_SOURCE /* RTLD_DEFAULT */
 
-#include "front.h"
+#include "slave.h"
 
 #include <dlfcn.h>
 #include <pthread.h>
@@ -192,7 +192,7 @@ static int ended(Slave *slave, void *result, void **kept, int gil)
 int slave_make(Slave *slave, const char *name, const char *resources, int visible)
 {
     char why[2000] = "";
-    if (!front_start_python(why, sizeof why) || !looked_up(why, sizeof why)) {
+    if (!start_python(why, sizeof why) || !looked_up(why, sizeof why)) {
         say(slave, why);
         return 0;
     }
@@ -248,36 +248,28 @@ int slave_setup(Slave *slave, double start)
 
 /* Values */
 
-static int moved(Slave *slave, const char *method, Kind kind, const unsigned *references, size_t count, void *values,
-                 size_t size, int flag)
+static int passed(Slave *slave, const char *method, Kind kind, const unsigned *references, size_t count, void *values,
+                 size_t size, int whole, int flag)
 {
     const int gil = py.ensure();
     void *const places = py.memory((char *)references, (long)(count * sizeof *references), READ);
     void *const content = places != NULL ? py.memory(values, (long)(size * SIZES[kind]), flag) : NULL;
-    void *const done = content != NULL ? py.call(slave->object, method, "(sOO)", KINDS[kind], places, content) : NULL;
+    void *const done =
+        content != NULL ? py.call(slave->object, method, "(sOOi)", KINDS[kind], places, content, whole) : NULL;
     py.release(places);
     py.release(content);
     return ended(slave, done, NULL, gil);
 }
 
-int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values)
+int slave_put(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values, size_t size,
+              int whole)
 {
-    return moved(slave, "put", kind, references, count, (void *)values, count, READ);
+    return passed(slave, "put", kind, references, count, (void *)values, size, whole, READ);
 }
 
-int slave_take(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values)
+int slave_take(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values, size_t size, int whole)
 {
-    return moved(slave, "take", kind, references, count, values, count, WRITE);
-}
-
-int slave_put_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, const void *values, size_t size)
-{
-    return moved(slave, "put_arrays", kind, references, count, (void *)values, size, READ);
-}
-
-int slave_take_arrays(Slave *slave, Kind kind, const unsigned *references, size_t count, void *values, size_t size)
-{
-    return moved(slave, "take_arrays", kind, references, count, values, size, WRITE);
+    return passed(slave, "take", kind, references, count, values, size, whole, WRITE);
 }
 
 int slave_step(Slave *slave, double time, double step, int *done)

@@ -6,7 +6,7 @@
 
 #define _GNU_SOURCE /* RTLD_DEFAULT, pipe2, flock */
 
-#include "front.h"
+#include "slave.h"
 
 #include <dlfcn.h>
 #include <errno.h>
@@ -192,7 +192,7 @@ static int found(const char *const *candidates, char *why, size_t size)
     return done;
 }
 
-int front_start_python(char *why, size_t size)
+int start_python(char *why, size_t size)
 {
     static const char *const usual[] = {"python3", "python", NULL};
     const char *const chosen[] = {getenv(VARIABLE), NULL};

@@ -10,9 +10,9 @@
 typedef void Logger(void *environment, int status, const char *category, const char *message);
 
 /* The logger of FMI 3.0 takes a text, not a format. */
-static void tell(Front *front, int status, const char *category, const char *text)
+static void tell(Instance *self, int status, const char *category, const char *text)
 {
-    char *const plain = front->logger != NULL ? malloc(strlen(text) + 1) : NULL;
+    char *const plain = self->logger != NULL ? malloc(strlen(text) + 1) : NULL;
     char *to = plain;
     if (plain == NULL)
         return;
@@ -22,22 +22,22 @@ static void tell(Front *front, int status, const char *category, const char *tex
             ++text;
     }
     *to = '\0';
-    front->logger(front->environment, status, category, plain);
+    self->logger(self->environment, status, category, plain);
     free(plain);
 }
 
-static Front *made(const char *name, const char *token, const char *resources, bool visible, bool right, void *environment,
-                   Logger *logger)
+static Instance *made(const char *name, const char *token, const char *resources, bool visible, bool right,
+                      void *environment, Logger *logger)
 {
-    Front *const front = calloc(1, sizeof *front);
-    if (front == NULL)
+    Instance *const self = calloc(1, sizeof *self);
+    if (self == NULL)
         return NULL;
-    front->logger = logger;
-    front->environment = environment;
-    front->tell = tell;
-    front->visible = visible;
-    front->for_co_simulation = right;
-    return ready(front, name, "instantiationToken=\"", token, resources);
+    self->logger = logger;
+    self->environment = environment;
+    self->tell = tell;
+    self->visible = visible;
+    self->for_co_simulation = right;
+    return ready(self, name, "instantiationToken=\"", token, resources);
 }
 
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
@@ -65,72 +65,54 @@ EXPORT void *fmi3InstantiateScheduledExecution(const char *name, const char *tok
     return made(name, token, resources, visible, false, environment, logger);
 }
 
-EXPORT void fmi3FreeInstance(void *instance) { fmi2FreeInstance(instance); }
+EXPORT void fmi3FreeInstance(void *instance) { free_instance(instance); }
 
 EXPORT int fmi3SetDebugLogging(void *instance, bool logging, size_t count, const char *const categories[])
 {
-    return fmi2SetDebugLogging(instance, logging, count, categories);
+    return log_only(instance, logging, count, categories);
 }
 
 EXPORT int fmi3EnterInitializationMode(void *instance, bool tolerant, double tolerance, double start, bool stops,
                                        double stop)
 {
-    Front *const front = begun(instance);
+    Instance *const self = begun(instance);
     (void)tolerant, (void)tolerance, (void)stops, (void)stop;
-    if (front == NULL)
+    if (self == NULL)
         return ERROR;
-    const int status = judged(front, slave_setup(&front->slave, start) && front->worst < DISCARD &&
-                                         slave_call(&front->slave, "enter_initialization_mode"));
-    if (status == OK)
-        front->last = start;
-    return status;
+    return set_up(self, start) == OK ? called(instance, "enter_initialization_mode") : ERROR;
 }
 
-EXPORT int fmi3ExitInitializationMode(void *instance) { return fmi2ExitInitializationMode(instance); }
-EXPORT int fmi3Terminate(void *instance) { return fmi2Terminate(instance); }
-EXPORT int fmi3Reset(void *instance) { return fmi2Reset(instance); }
+EXPORT int fmi3ExitInitializationMode(void *instance) { return called(instance, "exit_initialization_mode"); }
+EXPORT int fmi3Terminate(void *instance) { return called(instance, "terminate"); }
+EXPORT int fmi3Reset(void *instance) { return reset(instance); }
 
 /* Variables */
 
-static int moved(void *instance, Kind kind, const unsigned *references, size_t count, const void *given, void *taken,
-                 size_t values)
-{
-    Front *const front = begun(instance);
-    if (front == NULL)
-        return ERROR;
-    if (count == 0)
-        return OK;
-    if (references == NULL || (given == NULL && taken == NULL))
-        return refused(front, "There are no value references or no values at a null pointer.");
-    return judged(front, taken != NULL ? slave_take_arrays(&front->slave, kind, references, count, taken, values)
-                                       : slave_put_arrays(&front->slave, kind, references, count, given, values));
-}
-
 EXPORT int fmi3GetFloat64(void *instance, const unsigned references[], size_t count, double values[], size_t size)
 {
-    return moved(instance, REAL, references, count, NULL, values, size);
+    return moved(instance, REAL, references, count, NULL, values, size, 1);
 }
 
 EXPORT int fmi3SetFloat64(void *instance, const unsigned references[], size_t count, const double values[], size_t size)
 {
-    return moved(instance, REAL, references, count, values, NULL, size);
+    return moved(instance, REAL, references, count, values, NULL, size, 1);
 }
 
 EXPORT int fmi3GetInt32(void *instance, const unsigned references[], size_t count, int32_t values[], size_t size)
 {
-    return moved(instance, INTEGER, references, count, NULL, values, size);
+    return moved(instance, INTEGER, references, count, NULL, values, size, 1);
 }
 
 EXPORT int fmi3SetInt32(void *instance, const unsigned references[], size_t count, const int32_t values[], size_t size)
 {
-    return moved(instance, INTEGER, references, count, values, NULL, size);
+    return moved(instance, INTEGER, references, count, values, NULL, size, 1);
 }
 
 /* Booleans are bytes in FMI 3.0, and integers for the slave. */
 EXPORT int fmi3GetBoolean(void *instance, const unsigned references[], size_t count, bool values[], size_t size)
 {
     int *const taken = values != NULL ? calloc(size + 1, sizeof *taken) : NULL;
-    const int status = moved(instance, BOOLEAN, references, count, NULL, taken, size);
+    const int status = moved(instance, BOOLEAN, references, count, NULL, taken, size, 1);
     for (size_t i = 0; status == OK && count > 0 && i < size; ++i)
         values[i] = taken[i] != 0;
     free(taken);
@@ -142,30 +124,30 @@ EXPORT int fmi3SetBoolean(void *instance, const unsigned references[], size_t co
     int *const given = values != NULL ? calloc(size + 1, sizeof *given) : NULL;
     for (size_t i = 0; given != NULL && i < size; ++i)
         given[i] = ((const unsigned char *)values)[i] != 0;
-    const int status = moved(instance, BOOLEAN, references, count, given, NULL, size);
+    const int status = moved(instance, BOOLEAN, references, count, given, NULL, size, 1);
     free(given);
     return status;
 }
 
 /* States */
 
-EXPORT int fmi3GetFMUState(void *instance, void **state) { return fmi2GetFMUstate(instance, state); }
-EXPORT int fmi3SetFMUState(void *instance, void *state) { return fmi2SetFMUstate(instance, state); }
-EXPORT int fmi3FreeFMUState(void *instance, void **state) { return fmi2FreeFMUstate(instance, state); }
+EXPORT int fmi3GetFMUState(void *instance, void **state) { return save_state(instance, state); }
+EXPORT int fmi3SetFMUState(void *instance, void *state) { return restore_state(instance, state); }
+EXPORT int fmi3FreeFMUState(void *instance, void **state) { return give_back_state(instance, state); }
 
 EXPORT int fmi3SerializedFMUStateSize(void *instance, void *state, size_t *size)
 {
-    return fmi2SerializedFMUstateSize(instance, state, size);
+    return state_size(instance, state, size);
 }
 
 EXPORT int fmi3SerializeFMUState(void *instance, void *state, uint8_t bytes[], size_t size)
 {
-    return fmi2SerializeFMUstate(instance, state, (char *)bytes, size);
+    return serialise_state(instance, state, (char *)bytes, size);
 }
 
 EXPORT int fmi3DeserializeFMUState(void *instance, const uint8_t bytes[], size_t size, void **state)
 {
-    return fmi2DeSerializeFMUstate(instance, (const char *)bytes, size, state);
+    return read_state(instance, (const char *)bytes, size, state);
 }
 
 /* Steps */
@@ -173,34 +155,27 @@ EXPORT int fmi3DeserializeFMUState(void *instance, const uint8_t bytes[], size_t
 EXPORT int fmi3DoStep(void *instance, double time, double step, bool no_state_before, bool *event, bool *terminate,
                       bool *early, double *last)
 {
-    Front *const front = begun(instance);
-    if (front == NULL)
+    Instance *const self = begun(instance);
+    if (self == NULL)
         return ERROR;
+    (void)no_state_before;
     if (event == NULL || terminate == NULL || early == NULL || last == NULL)
-        return refused(front, "A result of the step has no place at a null pointer.");
-    const int status = fmi2DoStep(instance, time, step, no_state_before);
+        return refused(self, "A result of the step has no place at a null pointer.");
+    const int status = stepped(instance, time, step);
     *event = *early = *terminate = false;
-    *last = front->last;
+    *last = self->last;
     return status;
 }
 
 /* What there is not: other types, events, derivatives, model exchange, scheduled execution. */
 
-#define ABSENT(name, ...)                                                                     \
-    EXPORT int name(void *instance, __VA_ARGS__)                                              \
-    {                                                                                         \
-        Front *const front = begun(instance);                                                 \
-        return front == NULL ? ERROR : refused(front, "%s is not supported.", #name);         \
-    }
+#define ABSENT(name, ...) \
+    EXPORT int name(void *instance, __VA_ARGS__) { return absent(instance, #name); }
 #define NO_TYPE(name, type)                                                                   \
     ABSENT(fmi3Get##name, const unsigned r[], size_t n, type values[], size_t size)           \
     ABSENT(fmi3Set##name, const unsigned r[], size_t n, const type values[], size_t size)
-#define NOTHING(name)                                                                         \
-    EXPORT int name(void *instance)                                                           \
-    {                                                                                         \
-        Front *const front = begun(instance);                                                 \
-        return front == NULL ? ERROR : refused(front, "%s is not supported.", #name);         \
-    }
+#define NOTHING(name) \
+    EXPORT int name(void *instance) { return absent(instance, #name); }
 
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-parameter"

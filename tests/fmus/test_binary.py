@@ -1,37 +1,25 @@
-"""The binary of the FMUs: what it does with what no host should pass, and an FMU without it."""
+"""The binary of the FMUs: what it does with what no host should pass, its instances and their states."""
 
 import ctypes
 import gc
 import shutil
-import subprocess
 import sys
-import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import fmpy
-import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from pythonfmu.enums import Fmi2Status
-from typer.testing import CliRunner
 
-from fmus import builder
-from fmus.instance import instance
-from master.cli import app
 from tests.fmus.importer import Importer
 from tests.fmus.test_capabilities import call, step
-from tests.fmus.toy_fmu import SAVED, Toy, ToyFmu
+from tests.fmus.toy_fmu import SAVED
 
 OK, DISCARD, ERROR = 0, 2, 3
 TERMINATED = 3  # fmi2StatusKind
 
 
 @pytest.fixture
-def toy(toy_path):
-    if builder.own_binary() is None:
-        pytest.skip("not run: no C compiler was there when the project was installed")
-    with Importer(toy_path) as importer:
-        yield importer
+def toy(own_toy):
+    return own_toy
 
 
 @pytest.mark.parametrize(
@@ -133,67 +121,6 @@ def test_a_state_is_not_written_past_the_end_of_the_memory_that_is_given(toy):
     assert call(toy, "fmi2SerializeFMUstate", state, memory, ctypes.c_size_t(size + 8)) == OK
     assert memory.raw[size:] == b"x" * 8
     toy.slave.freeFMUstate(state)
-
-
-def failing(*messages, error):
-    """A method of a slave that logs, then raises."""
-
-    def method(slave, *_):
-        for message in messages:
-            slave.log(message, Fmi2Status.warning)
-        raise error
-
-    return method
-
-
-@pytest.fixture
-def of_toy(toy, monkeypatch):
-    """Replaces a method of the slave for the test."""
-    return lambda name, method: monkeypatch.setattr(sys.modules["toy_fmu"].ToyFmu, name, method)
-
-
-def test_what_was_logged_is_heard_before_the_exception_that_ended_the_call(toy, of_toy):
-    of_toy("do_step", failing("first", "second", error=ZeroDivisionError("100 %")))
-    assert step(toy, 0.0) == ERROR
-    assert toy.log == [(1, "first"), (1, "second"), (ERROR, "ZeroDivisionError: 100 %")]
-
-
-def test_a_message_with_what_utf_8_has_no_bytes_for_is_heard_all_the_same(toy, of_toy):
-    of_toy("do_step", failing("a \udcff file", error=OSError("\udcff")))
-    assert step(toy, 0.0) == ERROR
-    assert toy.log == [(1, "a \\udcff file"), (ERROR, "OSError: an error without words")]
-
-
-@pytest.mark.parametrize("begin", range(4))
-@pytest.mark.parametrize("character", ["é", "€", "🪁"])
-def test_a_long_error_is_cut_between_two_characters(toy, of_toy, begin, character):
-    of_toy("do_step", failing(error=ValueError("x" * begin + 1000 * character)))
-    assert step(toy, 0.0) == ERROR
-    ((_, text),) = toy.log  # it has been decoded
-    assert ("ValueError: " + "x" * begin + 1000 * character).startswith(text)
-    assert 1000 - len(character.encode()) <= len(text.encode()) < 1000  # the room in fmus/front/slave.c
-
-
-def test_a_result_without_a_truth_is_an_error(toy, of_toy):
-    of_toy("do_step", lambda *_: np.zeros(2))
-    assert step(toy, 0.0) == ERROR
-    assert "ambiguous" in toy.log[-1][1]
-
-
-def test_python_goes_on_while_the_host_takes_its_time_over_a_message(toy):
-    """A host whose logger waits for another of its threads, which waits for Python, must not wait for ever."""
-    log = fmpy.fmi2.fmi2CallbackLoggerTYPE(ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value)
-    callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-    callbacks.logger, callbacks.componentEnvironment = log, 500_000  # microseconds to sleep
-    made = toy.slave.dll.fmi2Instantiate(b"x", 1, toy.description.guid.encode(), None, ctypes.byref(callbacks), 0, 0)
-    ticks, over = [], threading.Event()
-    thread = threading.Thread(target=lambda: [ticks.append(over.wait(0.01)) for _ in iter(over.is_set, True)])
-    thread.start()
-    assert toy.slave.dll.fmi2ExitInitializationMode(ctypes.c_void_p(made)) == ERROR  # refused by the slave
-    over.set()
-    thread.join()
-    assert len(ticks) > 5  # of some 50; without Python there is none or one
-    toy.slave.dll.fmi2FreeInstance(ctypes.c_void_p(made))
 
 
 def test_the_fmu_asks_to_terminate_after_a_discarded_step_and_no_longer_after_a_good_one(toy):
@@ -310,91 +237,3 @@ def test_after_its_end_an_instance_takes_and_does_nothing_more_until_it_is_reset
     toy.slave.enterInitializationMode()
     toy.slave.exitInitializationMode()
     assert step(toy, 0.0) == OK
-
-
-@pytest.mark.parametrize("command", [["build", "typical_section"], ["host-env"]], ids=" ".join)
-def test_an_installation_without_a_compiler_says_what_its_fmus_need(monkeypatch, tmp_path, command):
-    monkeypatch.chdir(tmp_path)
-    compiled, silent = CliRunner().invoke(app, command), builder.own_binary() is not None
-    monkeypatch.setattr(builder, "own_binary", lambda: None)
-    plain = CliRunner().invoke(app, command)
-    assert compiled.exit_code == plain.exit_code == 0
-    assert plain.stdout == compiled.stdout  # what a shell evaluates, what a script reads
-    assert "host-env --preload" in plain.stderr
-    assert (compiled.stderr == "") is silent
-    assert CliRunner().invoke(app, ["host-env", "--preload"]).stderr == ""
-
-
-def test_an_fmu_that_was_built_without_a_compiler_works_with_the_binary_of_pythonfmu(monkeypatch, toy_path, tmp_path):
-    monkeypatch.setattr(builder, "own_binary", lambda: None)
-    path = tmp_path / "toy.fmu"
-    path.write_bytes(builder.archive("toy", ToyFmu(Toy(), instance_name="toy"), {}))
-    ends = []
-    for fmu in (path, toy_path):
-        with Importer(fmu) as toy:
-            for t in range(3):
-                toy.set(load=0.5 + t)
-                assert step(toy, float(t)) == OK
-            state = toy.slave.getFMUstate()
-            copy = toy.slave.deSerializeFMUstate(toy.slave.serializeFMUstate(state))
-            toy.slave.setFMUstate(copy)
-            for used in (state, copy):  # PythonFMU's binary frees none by itself
-                toy.slave.freeFMUstate(used)
-            toy.set(load=-1.0)
-            assert step(toy, 3.0) == OK
-            ends.append((toy.get("position"), toy.get("steps"), toy.get("loaded")))
-    assert ends[0] == ends[1]
-
-
-def test_a_script_is_whole_for_every_thread_that_makes_an_instance_and_is_read_anew_after_a_failure(tmp_path):
-    (tmp_path / "slavemodule.txt").write_text("slow")
-    script = tmp_path / "slow.py"
-    script.write_text("import time\ntime.sleep(0.2)\nraise OSError('not now')\n")
-    for _ in range(2):
-        with pytest.raises(OSError, match="not now"):
-            instance(str(tmp_path), "x", False)
-    script.write_text("a = 1\n")
-    with pytest.raises(ValueError, match=r"slow.py has no class with a method do_step\."):
-        instance(str(tmp_path), "x", False)
-    script.write_text(
-        "import time\ntime.sleep(0.2)\nclass Slave:\n    def __init__(self, **_): pass\n    def do_step(self): pass\n"
-    )
-    with ThreadPoolExecutor(4) as pool:
-        made = list(pool.map(lambda _: instance(str(tmp_path), "x", False), range(4)))
-    assert {type(slave) for slave in made} == {sys.modules.pop("slow").Slave}
-
-
-LATE = """
-import atexit, ctypes, sys
-import fmpy
-
-path, guid, resources = sys.argv[1:]
-dll = ctypes.CDLL(path)
-dll.fmi2Instantiate.restype = ctypes.c_void_p
-callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-made = ctypes.c_void_p(
-    dll.fmi2Instantiate(b"x", 1, guid.encode(), resources.encode(), ctypes.byref(callbacks), 0, 0)
-)
-zero = ctypes.c_double(0.0)
-assert dll.fmi2SetupExperiment(made, 0, zero, zero, 0, zero) == 0
-assert dll.fmi2EnterInitializationMode(made) == dll.fmi2ExitInitializationMode(made) == 0
-process = ctypes.CDLL(None)
-at_end = getattr(process, "__cxa_atexit")
-for function in (dll.fmi2FreeInstance, dll.fmi2Terminate, dll.fmi2Reset):  # the last is called first
-    at_end(ctypes.cast(function, ctypes.c_void_p), made, None)
-atexit.register(lambda: print(dll.fmi2DoStep(made, zero, ctypes.c_double(1.0), 0)))
-
-
-class Late:
-    def __del__(self, terminate=dll.fmi2Terminate, made=made, say=print):
-        say(terminate(made))
-
-
-sys.modules["late"] = Late()
-"""
-
-
-def test_a_host_may_call_while_python_ends_and_after_it_has_ended(toy):
-    command = [sys.executable, "-c", LATE, toy.slave.dll._name, toy.description.guid, f"file://{toy.folder}/resources"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=toy.folder)
-    assert (done.stdout, done.stderr, done.returncode) == ("0\n0\n", "", 0)
