@@ -33,9 +33,11 @@ def _flag(value: Any) -> bool:
     return value
 
 
-def _number(low: float = -math.inf, above: float = -math.inf) -> Callable[[Any], float]:
+def _number(low: float = -math.inf, above: float = -math.inf, high: float = math.inf) -> Callable[[Any], float]:
     meaning = "a finite number"
-    if above > -math.inf:
+    if high < math.inf:
+        meaning = f"a number from {low:g} to {high:g}"
+    elif above > -math.inf:
         meaning = f"a finite number above {above:g}"
     elif low > -math.inf:
         meaning = f"a finite number, {low:g} or more"
@@ -47,7 +49,7 @@ def _number(low: float = -math.inf, above: float = -math.inf) -> Callable[[Any],
             number = float(value)
         except OverflowError:
             raise _Wrong(meaning) from None
-        if not math.isfinite(number) or number < low or number <= above:
+        if not math.isfinite(number) or not low <= number <= high or number <= above:
             raise _Wrong(meaning)
         return number
 
@@ -147,7 +149,18 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
         "line_friction": (_number(low=0.0), FRICTION),
     },
     "trim": {"lowest_deg": (_number(), -5.0), "highest_deg": (_number(), 25.0)},
+    "dynamics": {
+        "scheme": (_choice("implicit-euler", "generalised-alpha", "bdf2"), "generalised-alpha"),
+        "spectral_radius": (_number(low=0.0, high=1.0), 0.5),
+        "longest_step": (_number(above=0.0), 0.01),
+        "communication_step": (_number(above=0.0), 0.02),
+        "stop_time": (_number(above=0.0), 10.0),
+        "line_damping_time": (_number(low=0.0), 0.0),
+        "spring_damping_time": (_number(low=0.0), 0.0),
+    },
 }
+# Sections that a scene may do without.
+_OPTIONAL = ("wing", "aero", "trim", "dynamics")
 
 
 def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -171,7 +184,7 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
     checked: dict[str, Any] = {"settings": options}
     for key, default in (("title", folder.name), ("description", "")):
         checked[key] = str(content.get(key, default))
-    absent = {section for section in ("wing", "aero", "trim") if section not in content and section not in changes}
+    absent = {section for section in _OPTIONAL if section not in content and section not in changes}
     if len(absent & {"wing", "aero"}) == 1 or ("wing" in absent and "trim" not in absent):
         lacks = sorted(absent - {"trim"})[0]
         raise SceneError(
