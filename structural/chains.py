@@ -16,7 +16,8 @@ class Chains:
     """Elements of m nodes each: m = 2 springs and lines, m = 3 a rope through one sheave, m = k + 2 through k sheaves.
 
     `nodes` (e, m) indices along the rope, `l0` (e,) rest length m (0 is allowed for springs), `k` (e,) stiffness N/m of
-    the whole element, `two_way` (e,) bool: also takes compression, `names` (e,).
+    the whole element, `two_way` (e,) bool: also takes compression, `names` (e,). In motion `c` (e,) N s/m is the
+    viscous damping of the rate of its length (None: none), over that of its rest length, `l0_rate` (e,) m/s (None: 0).
     """
 
     nodes: np.ndarray
@@ -24,11 +25,20 @@ class Chains:
     k: np.ndarray
     two_way: np.ndarray
     names: tuple[str, ...] = field(default=())
+    c: np.ndarray | None = None
+    l0_rate: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.c is not None and np.any(self.c < 0.0):
+            worst = int(np.argmin(self.c))
+            name = self.names[worst] if self.names else f"number {worst}"
+            raise ValueError(f"the damping of element {name} is {self.c[worst]:g} N s/m; it must not be negative.")
 
     def select(self, rows):
         """The chosen elements."""
         names = tuple(np.array(self.names, dtype=object)[rows]) if self.names else ()
-        return Chains(self.nodes[rows], self.l0[rows], self.k[rows], self.two_way[rows], names)
+        moving = (None if a is None else a[rows] for a in (self.c, self.l0_rate))
+        return Chains(self.nodes[rows], self.l0[rows], self.k[rows], self.two_way[rows], names, *moving)
 
 
 def _legs(x, chains):
@@ -40,6 +50,12 @@ def _legs(x, chains):
     safe = np.maximum(l, knob)
     safe = np.where(safe > 0.0, safe, 1.0)
     return d / safe[..., None], np.where(jammed, 0.5 * (l * l / safe + safe), l), safe, jammed
+
+
+def stretched(x, chains):
+    """Unit legs, lengths m, divisors m and knobs as in `_legs`, and the stretch m (e,) of every element."""
+    u, l, safe, jammed = _legs(x, chains)
+    return u, l, safe, jammed, l.sum(axis=1) - chains.l0
 
 
 def tensions(x, chains):
@@ -66,7 +82,7 @@ def chain_energy(x, chains, weight=None):
     return float(np.sum(energy if weight is None else weight * energy))
 
 
-def _length_gradient(u):
+def length_gradient(u):
     """Derivative of the element lengths with respect to their nodes, (e, m, 3), from unit legs u (e, m-1, 3)."""
     g = np.zeros((u.shape[0], u.shape[1] + 1, 3))
     g[:, :-1] -= u
@@ -78,7 +94,7 @@ def chain_forces(x, chains):
     """Internal forces N (e, m, 3) on the nodes of every element: the gradient of its strain energy, T dL/dx."""
     u, l, _, _ = _legs(x, chains)
     t, _ = _tension(l, chains)
-    return t[:, None, None] * _length_gradient(u)
+    return t[:, None, None] * length_gradient(u)
 
 
 def chain_forces_and_tangents(x, chains):
@@ -91,7 +107,7 @@ def chain_forces_and_tangents(x, chains):
     u, l, safe, jammed = _legs(x, chains)
     t, active = _tension(l, chains)
     per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
-    g = _length_gradient(u)
+    g = length_gradient(u)
     if g.shape[1] == 2:
         return t[:, None, None] * g, _spring_tangents(u[:, 0], l[:, 0], chains.k * active, per_length[:, 0], chains)
     e, m, _ = g.shape

@@ -92,7 +92,7 @@ def equilibrium(
     at = assembly.unknowns.restrict(x0), assembly.start(rotations)
 
     def begun(members, at, rtol):
-        return _Solve(assembly, assembly.prepare(members, loads, beams), members, at, tolerance, rtol, step_limit)
+        return NewtonSolve(assembly, assembly.prepare(members, loads, beams), members, at, tolerance, rtol, step_limit)
 
     solve = direct = begun(chains, at, rtol)
     solve.run(min(STRAIGHT, max_iterations))
@@ -118,8 +118,8 @@ def equilibrium(
     return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, turned)
 
 
-class _Solve:
-    """State of one static solve: unknowns and rotations `at`, residual r, tangent k, norms met, shift, why it ended."""
+class NewtonSolve:
+    """State of one solve: unknowns and rotations `at`, residual r, tangent k, norms met, shift, why it ended."""
 
     def __init__(self, assembly, prepared, chains, at, atol, rtol, step_limit):
         self.assembly, self.prepared = assembly, prepared

@@ -8,7 +8,9 @@ import scipy.sparse.linalg as spla
 from scipy.spatial import cKDTree
 
 from .beams import Beams
+from .bending import BendingSprings
 from .chains import Chains
+from .wind import Wind
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +23,8 @@ class Structure:
     line loads. `beams` are groups of beams; what turns with their nodes are the `frames` (r,), the node of each
     (a node has one, or one for each beam that is hinged to it), `clamped` (r,3) bool says about which fixed axes they
     cannot turn. `riders` (k,) are nodes at a fixed place in a frame: rigid links to the `carriers` (k,), frames.
+    `bending` are groups of bending springs; `exposed` (k,2) nodes and their `diameter` (k,) m are the legs that stand
+    in a wind that the loads name.
     """
 
     nodes: np.ndarray
@@ -34,6 +38,9 @@ class Structure:
     clamped: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
     riders: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     carriers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    bending: tuple[BendingSprings, ...] = ()
+    exposed: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
+    diameter: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def arms(self):
@@ -49,7 +56,8 @@ class Structure:
 @dataclass(frozen=True, eq=False)
 class Loads:
     """External loads: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels, `dead` (n,3) N on nodes, `line_load` (k,3)
-    N/m on the lines, per current length, `moment` (r,3) N m about fixed axes on frames. None: not there.
+    N/m on the lines, per current length, `moment` (r,3) N m about fixed axes on frames, `wind` on the exposed legs.
+    None: not there.
     """
 
     pressure: np.ndarray
@@ -57,6 +65,7 @@ class Loads:
     dead: np.ndarray
     line_load: np.ndarray | None = None
     moment: np.ndarray | None = None
+    wind: Wind | None = None
 
 
 def mirror_permutation(points, tolerance=1e-6):

@@ -1,0 +1,266 @@
+"""The time loop: steps of a scheme, each solved to its tolerance, of fixed size or as an error estimate allows."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.sparse.linalg as spla
+
+from structural.statics import NewtonSolve
+from structural.stiffness import rounding_force
+
+from .motion import Motion, State
+from .schemes import ImplicitEuler, Scheme, StepSystem
+
+# Newton iterations of one step; far more than a step ever needs whose size suits the motion.
+STEP_ITERATIONS = 60
+# A step that cannot be solved is halved so often before the run ends.
+HALVINGS = 12
+# Bounds and safety factor of the change of size from step to step, as usual for one-step error control.
+SAFETY, SHRINK, GROW = 0.9, 0.2, 4.0
+# Steps of the smallest size relative to the run that still count as progress.
+SMALLEST = 1e-12
+
+
+@dataclass
+class Balance:
+    """Energies J since the beginning: put in by loads (`work`) and by reeling, taken by dampers (`dissipated`), and what
+    the scheme has lost (or, below zero, made) by itself: all that is missing from the sum. Work and dissipation are
+    integrated by the trapezoidal rule, whose error is in the loss too, of second order in the step.
+    """
+
+    kinetic: float
+    elastic: float
+    work: float = 0.0
+    reeled: float = 0.0
+    dissipated: float = 0.0
+    numerical_loss: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Integration:
+    """End of a run: `state`, "finished" or why not ("newton_failed", "not_finite", "step_too_small"), and a sentence;
+    steps made and refused, Newton iterations, energy `balance` if asked for, size s that an adaptive run had at the end.
+    """
+
+    state: State
+    status: str
+    message: str
+    steps: int
+    rejected: int
+    newton_iterations: int
+    balance: Balance | None
+    step: float
+
+    @property
+    def finished(self) -> bool:
+        """Whether the stop time was reached."""
+        return self.status == "finished"
+
+
+@dataclass(eq=False)
+class _Equations:
+    """The system of a step in the form that the equilibrium engine solves; it takes the place of an assembly."""
+
+    motion: Motion
+    system: StepSystem
+    begin: np.ndarray
+    scale: float = 0.0
+    mass: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        a = self.motion.assembly
+        self.unknowns, self.diagonal, self.matrix = a.unknowns, a.diagonal, a.matrix
+        self.mass = self.motion.mass(self.system.t)
+
+    def moved(self, d, rotations, step):
+        return d + step, rotations
+
+    def residual_and_tangent(self, d, _prepared, _rotations):
+        s = self.system
+        r, data, rates, external = self.motion.evaluated(self.begin + d, s.cw * (d - s.dw), s.t)
+        inertia = s.cm * self.mass * (d - s.da)
+        if rates is not None:
+            data = data + s.cw * rates
+        data[self.diagonal] += s.cm * self.mass
+        self.scale = max(self.scale, external + self.unknowns.norm(inertia))
+        return r + inertia, self.matrix(data), self.scale
+
+
+def _solved(motion, scheme, state, h, atol, rtol):
+    """State after a step of h s, and Newton iterations; None for the state where the step has no solution found."""
+    if isinstance(scheme, ImplicitEuler) and scheme.linear:
+        return _linear_step(motion, scheme, state, h), 1
+    system = scheme.system(state, h)
+    chains = motion.chains(system.t)
+    rounding = rounding_force(chains)
+    flight = float(np.abs(system.start).max(initial=0.0))
+    count = 0
+    for start in (system.start, np.zeros_like(state.q)):
+        equations = _Equations(motion, system, state.q)
+        solve = NewtonSolve(
+            equations, None, chains, (start, None), max(atol, rounding), rtol, max(1.0, 4.0 * flight)
+        )
+        solve.run(STEP_ITERATIONS)
+        count += len(solve.norms) - 1
+        if solve.status == "converged":
+            return scheme.advanced(state, h, solve.at[0]), count
+    return None, count
+
+
+def _linear_step(motion, scheme, state, h):
+    """(M + h C + h^2 K) dv = -h (R + h K v), all at the beginning of the step (PSM thesis eq. 5.11); loads at its end."""
+    r, data, rates, _ = motion.evaluated(state.q, state.v, state.t + h, scheme.isotropic)
+    a = motion.assembly
+    b = -h * (r + h * (a.matrix(data) @ state.v))
+    system = h * h * data
+    if rates is not None:
+        system = system + h * rates
+    system[a.diagonal] += motion.mass(state.t + h)
+    if scheme.solver == "bicgstab":
+        dv, _ = spla.bicgstab(a.matrix(system), b, rtol=1e-5, atol=1e-5, maxiter=100_000)
+    else:
+        try:
+            options = {"SymmetricMode": True}
+            dv = spla.splu(a.matrix(system), permc_spec="NATURAL", diag_pivot_thresh=1e-6, options=options).solve(b)
+        except RuntimeError:  # exactly singular
+            return None
+    v = state.v + dv
+    return State(state.t + h, state.q + h * v, v, dv / h)
+
+
+def integrate(
+    motion: Motion,
+    state: State,
+    stop_time: float,
+    scheme: Scheme,
+    step: float | None = None,
+    tolerance: float | None = None,
+    atol: float = 1e-9,
+    rtol: float = 1e-9,
+    energy: bool | Balance = False,
+    callback: Callable[[State], object] | None = None,
+    max_steps: int | None = None,
+) -> Integration:
+    """Integrate from `state` to `stop_time` s.
+
+    Steps are of equal size, `step` s at most; a step whose equations cannot be solved is made in halves. With
+    `tolerance` m the size follows the estimate of the local error of the positions instead, `step` s at most if it is
+    given. Newton's method ends at ||residual|| <= atol + rtol (||f_ext|| + ||M a||), in newtons. `energy` keeps the
+    balance, or goes on with one; it costs one more evaluation of forces a step. `callback(state)` follows every step.
+
+    ValueError in one sentence for a step or tolerance that is not above zero, or a stop before the start. A run that
+    cannot go on ends with a status, and with the last good state.
+    """
+    for name, value in (("time step", step), ("error tolerance", tolerance)):
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"the {name} must be a number above zero; it is {value:g}.")
+    if step is None and tolerance is None:
+        raise ValueError("integration needs a time step or an error tolerance.")
+    if not (np.isfinite(stop_time) and stop_time >= state.t):
+        raise ValueError(f"the stop time {stop_time:g} s must not lie before the start, {state.t:g} s.")
+    run = _Run(motion, scheme, state, stop_time, atol, rtol, energy, callback)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        if tolerance is None:
+            run.fixed(step, max_steps)
+        else:
+            run.adaptive(tolerance, step, max_steps)
+    return run.result()
+
+
+class _Run:
+    def __init__(self, motion, scheme, state, stop, atol, rtol, energy, callback):
+        self.motion, self.scheme, self.state, self.stop = motion, scheme, state, stop
+        self.atol, self.rtol, self.callback = atol, rtol, callback
+        self.steps = self.rejected = self.iterations = 0
+        self.status, self.message = "finished", ""
+        self.step = stop - state.t
+        self.balance = replace(energy) if isinstance(energy, Balance) else None
+        if energy is True:
+            self.balance = Balance(motion.kinetic_energy(state), motion.elastic_energy(state))
+        self._powers = self._forces(state) if self.balance is not None else None
+
+    def result(self):
+        parts = self.steps, self.rejected, self.iterations, self.balance, self.step
+        return Integration(self.state, self.status, self.message, *parts)
+
+    def _end(self, status, why):
+        self.status = status
+        self.message = f"At {self.state.t:.6g} s {why}."
+        return False
+
+    def _tried(self, h):
+        new, count = _solved(self.motion, self.scheme, self.state, h, self.atol, self.rtol)
+        self.iterations += count
+        if new is not None and not (np.all(np.isfinite(new.q)) and np.all(np.isfinite(new.v))):
+            new = None
+        return new
+
+    def fixed(self, step, max_steps):
+        left = self.stop - self.state.t
+        count = max(1, int(np.ceil(left / step - 1e-9))) if left > 0.0 else 0
+        begin, h = self.state.t, left / max(count, 1)
+        self.step = h
+        for k in range(count if max_steps is None else min(count, max_steps)):
+            end = self.stop if k == count - 1 else begin + (k + 1) * h
+            if not self._reach(end, HALVINGS):
+                return
+
+    def _reach(self, end, halvings):
+        """Go to the time `end` in one step, or in halves where that cannot be solved."""
+        new = self._tried(end - self.state.t)
+        if new is not None:
+            self._accept(replace(new, t=end))
+            return True
+        self.rejected += 1
+        if halvings == 0:
+            return self._end("newton_failed", "the equations of a step could not be solved, however small it was")
+        middle = 0.5 * (self.state.t + end)
+        return self._reach(middle, halvings - 1) and self._reach(end, halvings - 1)
+
+    def adaptive(self, tolerance, longest, max_steps):
+        longest = self.stop - self.state.t if longest is None else longest
+        smallest = SMALLEST * max(abs(self.stop), self.stop - self.state.t)
+        a = float(np.abs(self.state.a).max(initial=0.0))
+        self.step = min(longest, (2.0 * tolerance / a) ** 0.5 if a > 0.0 else longest)
+        while self.state.t < self.stop and (max_steps is None or self.steps < max_steps):
+            left = self.stop - self.state.t
+            parts = max(1, int(np.ceil(left / self.step - 1e-9)))
+            h = left / parts if parts <= 2 else self.step
+            new = self._tried(h)
+            error = np.inf
+            if new is not None:
+                error = float(np.abs(self.scheme.local_error(self.state, new, h)).max(initial=0.0)) / tolerance
+            factor = SAFETY * error ** (-1.0 / (self.scheme.order + 1)) if 0.0 < error < np.inf else GROW
+            if error <= 1.0:
+                self._accept(replace(new, t=self.stop) if parts == 1 else new)
+                self.step = min(longest, h * min(max(factor, SHRINK), GROW))
+                continue
+            self.rejected += 1
+            self.step = h * min(max(factor, SHRINK), SAFETY) if np.isfinite(error) else 0.25 * h
+            if self.step < smallest:
+                self._end("step_too_small", f"the step had to shrink below {smallest:.1g} s")
+                return
+
+    def _accept(self, new):
+        if self.balance is not None:
+            self._book(new)
+        self.state = new
+        self.steps += 1
+        if self.callback is not None:
+            self.callback(new)
+
+    def _forces(self, state):
+        _, damping, external = self.motion.forces(state.q, state.v, state.t)
+        return external, damping, self.motion.reeling_power(state)
+
+    def _book(self, new):
+        b, before = self.balance, self._powers
+        external, damping, reeling = self._powers = self._forces(new)
+        moved = new.q - self.state.q
+        work, lost = (0.5 * float((f + g) @ moved) for f, g in ((before[0], external), (before[1], damping)))
+        reeled = 0.5 * (before[2] + reeling) * (new.t - self.state.t)
+        held = b.kinetic + b.elastic + b.numerical_loss
+        b.kinetic, b.elastic = self.motion.kinetic_energy(new), self.motion.elastic_energy(new)
+        b.work, b.dissipated, b.reeled = b.work + work, b.dissipated + lost, b.reeled + reeled
+        b.numerical_loss = held + work + reeled - lost - b.kinetic - b.elastic

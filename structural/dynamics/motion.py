@@ -1,0 +1,140 @@
+"""Equations of motion of particles: masses on the nodes of a structure, with its elements, dampers and loads."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from structural.assembly import Assembly, Prepared
+from structural.chains import Chains, tensions
+from structural.structure import Loads
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Time `t` s, positions `q` m, velocities `v` m/s and accelerations `a` m/s^2 of the unknowns, (u,) each.
+
+    `past` is what a two-step scheme keeps of the step before: its size s, q and v then.
+    """
+
+    t: float
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    past: tuple[float, np.ndarray, np.ndarray] | None = None
+
+
+def _function(given: Callable[[float], T] | T) -> tuple[Callable[[float], T], bool]:
+    if callable(given):
+        return given, True
+    return (lambda _t: given), False
+
+
+class Motion:
+    """M a + f_int(x, v) - f_ext(x, v, t) = 0 for the free nodes of an assembly without frames.
+
+    `mass` (n,) kg on the nodes, `chains` the elements with their damping, `loads`; each is constant or a function of
+    the time. ValueError in one sentence for a free node without mass, negative masses, and structures with frames.
+    """
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        mass: Callable[[float], np.ndarray] | np.ndarray,
+        chains: Callable[[float], tuple[Chains, ...]] | tuple[Chains, ...],
+        loads: Callable[[float], Loads] | Loads,
+    ):
+        if len(assembly.structure.frames):
+            raise ValueError("nodes that turn (beams) have no place in a particle system; leave the beams out.")
+        self.assembly, self.unknowns = assembly, assembly.unknowns
+        self._mass, mass_moves = _function(mass)
+        self._chains, chains_move = _function(chains)
+        self._loads, loads_move = _function(loads)
+        self._constant = not (mass_moves or chains_move or loads_move)
+        self._at: tuple[float, Any] | None = None
+        self.mass(0.0)
+
+    def mass(self, t: float) -> np.ndarray:
+        """Masses (u,) kg of the unknowns; one that stands for its mirror image too has the mass of both."""
+        return self._present(t)[0]
+
+    def prepared(self, t: float) -> Prepared:
+        """Elements and loads at time t."""
+        return self._present(t)[1]
+
+    def chains(self, t: float) -> tuple[Chains, ...]:
+        """The elements at time t."""
+        return self._chains(t)
+
+    def _present(self, t):
+        if self._at is None or (self._at[0] != t and not self._constant):
+            mass, chains = np.asarray(self._mass(t), float), self._chains(t)
+            self._at = t, (self._of_unknowns(mass), self.assembly.prepare(chains, self._loads(t)))
+        return self._at[1]
+
+    def _of_unknowns(self, mass):
+        n = len(self.assembly.structure.nodes)
+        if mass.shape != (n,) or not np.all(np.isfinite(mass)):
+            raise ValueError(f"masses must be finite numbers, one for each of the {n} nodes.")
+        u = self.unknowns
+        bad = np.flatnonzero(mass < 0.0)
+        if not len(bad):
+            bad = np.flatnonzero((mass == 0.0) & (u.index.reshape(-1, 3) >= 0).any(axis=1))
+        if len(bad):
+            what = "negative mass" if mass[bad[0]] < 0.0 else "no mass but is free to move"
+            raise ValueError(f"node number {bad[0]} has {what}; in dynamics every free node needs a mass above zero.")
+        free = u.index >= 0
+        return np.bincount(u.index[free], np.repeat(mass, 3)[free], minlength=u.count)
+
+    def at(self, x: np.ndarray, v: np.ndarray | None = None, t: float = 0.0) -> State:
+        """The state with node positions x m and velocities v m/s (None: at rest), (n,3) each, at time t s."""
+        q = self.unknowns.restrict(np.asarray(x, float))
+        speed = np.zeros_like(q) if v is None else self.unknowns.restrict(np.asarray(v, float))
+        return State(t, q, speed, self.acceleration(q, speed, t))
+
+    def again(self, state: State) -> State:
+        """The state after loads or elements have jumped: with the acceleration that they give now, and no past."""
+        return State(state.t, state.q, state.v, self.acceleration(state.q, state.v, state.t))
+
+    def acceleration(self, q, v, t) -> np.ndarray:
+        """Accelerations (u,) m/s^2 by Newton's second law."""
+        elastic, damping, external = self.forces(q, v, t)
+        return (external - elastic - damping) / self.mass(t)
+
+    def forces(self, q, v, t):
+        """Elastic, damping and external generalised forces (u,) N; the first two are internal, so act against."""
+        x, moving, p = self.positions(q), self.velocities(v), self.prepared(t)
+        a = self.assembly
+        return a.elastic(x, p), a.damping(x, moving, p), a.external(x, p, moving)
+
+    def positions(self, q) -> np.ndarray:
+        """Node positions (n,3) m."""
+        return self.unknowns.expand(q)
+
+    def velocities(self, v) -> np.ndarray:
+        """Node velocities (n,3) m/s."""
+        return self.unknowns.moves(v)
+
+    def evaluated(self, q, v, t, isotropic=False):
+        """Residual f_int - f_ext (u,) N, data of its derivatives by q and by v (None: zero), norm of f_ext N."""
+        x, moving = self.positions(q), self.velocities(v)
+        return self.assembly.moving_residual_and_tangents(x, moving, self.prepared(t), isotropic)
+
+    def kinetic_energy(self, state: State) -> float:
+        """m v^2 / 2 of all nodes, J."""
+        return float(0.5 * np.sum(self.mass(state.t) * state.v**2))
+
+    def elastic_energy(self, state: State) -> float:
+        """Strain energy of all elements, J."""
+        return self.assembly.energy(self.positions(state.q), self.chains(state.t))
+
+    def reeling_power(self, state: State) -> float:
+        """Power W that changes of rest length put into the structure: -T dl0/dt, negative for line given out."""
+        x, power = self.positions(state.q), 0.0
+        for c in self.chains(state.t):
+            if c.l0_rate is not None:
+                power -= float(tensions(x, c) @ c.l0_rate)
+        return power
