@@ -9,6 +9,9 @@ import numpy as np
 # onto the end of its rope grows from zero over the knob. With l itself it would have no limit there, and a jammed rope
 # no equilibrium. Longer legs do not notice.
 KNOB = 1e-3
+# An element this little short of taut, relative to its rest length, is stiff for Newton's method: a row of them that
+# hangs loose by rounding alone would fall into pieces else, and find together by one element in each iteration.
+TOUCH = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +73,8 @@ def tensions(x, chains):
 
 def _tension(l, chains):
     stretch = l.sum(axis=1) - chains.l0
-    active = chains.two_way | (stretch > 0.0)
-    return np.where(active, chains.k * stretch, 0.0), active
+    tension = np.where(chains.two_way | (stretch > 0.0), chains.k * stretch, 0.0)
+    return tension, chains.two_way | (stretch > -TOUCH * chains.l0)
 
 
 def chain_energy(x, chains, weight=None):

@@ -13,13 +13,18 @@ def rounding_force(chains, beams=(), reach=0.0):
     """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0||.
 
     For beams, which may be much shorter than their coordinates (at most `reach` m), EA max(1, reach / l0) takes the
-    place of k l0, with the stiffness 12 EI / l0^2 of bending added to EA.
+    place of k l0, with the stiffness 12 EI / l0^2 of bending added to EA. In motion see `rounding_of_positions`.
     """
     squares = sum(np.sum((c.k * c.l0) ** 2) for c in chains)
     for b in beams:
         stiffness = b.section.EA + 12.0 * b.section.initial_bending / b.l0**2
         squares += np.sum((stiffness * np.maximum(1.0, reach / b.l0)) ** 2)
     return 4.0 * np.finfo(float).eps * float(np.sqrt(squares))
+
+
+def rounding_of_positions(chains, reach):
+    """Force N that rounding of coordinates of `reach` m makes: eps ||k reach||, the errors of elements being random."""
+    return np.finfo(float).eps * reach * float(np.sqrt(sum(np.sum(c.k**2) for c in chains)))
 
 
 def softened_stages(chains, load):

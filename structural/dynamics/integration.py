@@ -7,13 +7,14 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from structural.statics import NewtonSolve
-from structural.stiffness import rounding_force
+from structural.stiffness import rounding_of_positions
 
 from .motion import Motion, State
 from .schemes import ImplicitEuler, Scheme, StepSystem
 
-# Newton iterations of one step; far more than a step ever needs whose size suits the motion.
-STEP_ITERATIONS = 60
+# Newton iterations of one step: more than one ever needs whose size suits the motion. What takes longer, as a stiff
+# line that becomes taut while it turns, is found sooner in two halves.
+STEP_ITERATIONS = 20
 # A step that cannot be solved is halved so often before the run ends.
 HALVINGS = 12
 # Bounds and safety factor of the change of size from step to step, as usual for one-step error control.
@@ -24,9 +25,9 @@ SMALLEST = 1e-12
 
 @dataclass
 class Balance:
-    """Energies J since the beginning: put in by loads (`work`) and by reeling, taken by dampers (`dissipated`), and what
-    the scheme has lost (or, below zero, made) by itself: all that is missing from the sum. Work and dissipation are
-    integrated by the trapezoidal rule, whose error is in the loss too, of second order in the step.
+    """Energies J since the beginning: put in by loads (`work`) and by reeling, taken by dampers (`dissipated`), and
+    what the scheme has lost (or, below zero, made) by itself: all that is missing from the sum. Work and dissipation
+    are integrated by the trapezoidal rule, whose error is in the loss too, of second order in the step.
     """
 
     kinetic: float
@@ -40,7 +41,7 @@ class Balance:
 @dataclass(frozen=True, eq=False)
 class Integration:
     """End of a run: `state`, "finished" or why not ("newton_failed", "not_finite", "step_too_small"), and a sentence;
-    steps made and refused, Newton iterations, energy `balance` if asked for, size s that an adaptive run had at the end.
+    steps made and refused, Newton iterations, energy `balance` if asked for, size s of the steps at the end.
     """
 
     state: State
@@ -90,17 +91,15 @@ class _Equations:
 def _solved(motion, scheme, state, h, atol, rtol):
     """State after a step of h s, and Newton iterations; None for the state where the step has no solution found."""
     if isinstance(scheme, ImplicitEuler) and scheme.linear:
-        return _linear_step(motion, scheme, state, h), 1
+        return linear_step(motion, scheme, state, h), 1
     system = scheme.system(state, h)
     chains = motion.chains(system.t)
-    rounding = rounding_force(chains)
+    rounding = rounding_of_positions(chains, float(np.abs(motion.positions(state.q)).max(initial=0.0)))
     flight = float(np.abs(system.start).max(initial=0.0))
     count = 0
     for start in (system.start, np.zeros_like(state.q)):
         equations = _Equations(motion, system, state.q)
-        solve = NewtonSolve(
-            equations, None, chains, (start, None), max(atol, rounding), rtol, max(1.0, 4.0 * flight)
-        )
+        solve = NewtonSolve(equations, None, chains, (start, None), max(atol, rounding), rtol, max(1.0, 4.0 * flight))
         solve.run(STEP_ITERATIONS)
         count += len(solve.norms) - 1
         if solve.status == "converged":
@@ -108,8 +107,10 @@ def _solved(motion, scheme, state, h, atol, rtol):
     return None, count
 
 
-def _linear_step(motion, scheme, state, h):
-    """(M + h C + h^2 K) dv = -h (R + h K v), all at the beginning of the step (PSM thesis eq. 5.11); loads at its end."""
+def linear_step(motion, scheme, state, h):
+    """State after (M + h C + h^2 K) dv = -h (R + h K v), forces at the beginning of the step of h s, loads at its end
+    (PSM thesis eq. 5.11); None if that is singular.
+    """
     r, data, rates, _ = motion.evaluated(state.q, state.v, state.t + h, scheme.isotropic)
     a = motion.assembly
     b = -h * (r + h * (a.matrix(data) @ state.v))

@@ -14,8 +14,8 @@ from .motion import State
 
 @dataclass(frozen=True, eq=False)
 class StepSystem:
-    """One step's system: factors `cm` 1/s^2 and `cw` 1/s, references `da` and `dw` (u,) m, time `t` s of the forces, and
-    `start` (u,) m to begin Newton's method from.
+    """One step's system: factors `cm` 1/s^2 and `cw` 1/s, references `da` and `dw` (u,) m, time `t` s of the forces,
+    and `start` (u,) m to begin Newton's method from.
     """
 
     cm: float

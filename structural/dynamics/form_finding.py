@@ -1,0 +1,162 @@
+"""Form finding: the shape at rest, by the equilibrium engine or by letting damped particles settle."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from structural.assembly import Assembly
+from structural.chains import Chains
+from structural.statics import equilibrium
+from structural.structure import Loads
+
+from .force_density import force_density_start
+from .integration import linear_step
+from .motion import Motion, State
+from .schemes import ImplicitEuler
+
+Method = Literal["equilibrium", "viscous", "kinetic", "kinetic-q"]
+METHODS = ("equilibrium", "viscous", "kinetic", "kinetic-q")
+# A particle system whose out-of-balance force has grown by this much since the beginning is lost.
+LOST = 1e12
+# A start this much better balanced than the net of uniform pull is kept. Newton iterations with members that push.
+NEAR, PUSHING = 1e-2, 50
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """A form that was found: node positions `x` (n,3) m, "converged" or why not ("max_iterations", "diverged", or what
+    the equilibrium engine says), Newton iterations or time steps, the out-of-balance force N after each of them, and
+    how often kinetic damping stopped all particles.
+    """
+
+    x: np.ndarray
+    status: str
+    iterations: int
+    residuals: tuple[float, ...]
+    resets: int = 0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the out-of-balance force met the tolerance."""
+        return self.status == "converged"
+
+
+def form_finding(
+    assembly: Assembly,
+    chains: tuple[Chains, ...],
+    loads: Loads,
+    x0: np.ndarray,
+    method: Method = "equilibrium",
+    atol: float = 1e-3,
+    mass: float | np.ndarray = 1.0,
+    step: float = 1.0,
+    max_steps: int = 1000,
+    scheme: ImplicitEuler | None = None,
+) -> Form:
+    """The equilibrium of `chains` under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance.
+
+    "equilibrium" is Newton's method on the static residual, and needs nothing else. The others step particles of
+    `mass` kg (one, or (n,)) through pseudo-time with linearly implicit Euler steps of `step` s, `max_steps` at most:
+    "viscous" with the damping of the chains; "kinetic" without, and brings all particles to rest whenever the kinetic
+    energy has fallen (Barnes; PSM thesis section 4.4); "kinetic-q" also puts them back to where a parabola through the
+    last three energies has its peak (eq. 4.10). Mass, step and damping are means: the form does not depend on them.
+
+    ValueError in one sentence for an unknown method, or values that cannot be.
+    """
+    if method not in METHODS:
+        raise ValueError(f"there is no method '{method}' of form finding; choose one of: {', '.join(METHODS)}.")
+    for name, value in (("tolerance", atol), ("time step", step)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"the {name} must be a number above zero; it is {value:g}.")
+    if method == "equilibrium":
+        return _balanced(assembly, chains, loads, x0, atol)
+    if method != "viscous":
+        chains = tuple(replace(c, c=None) for c in chains)
+    masses = np.broadcast_to(np.asarray(mass, float), len(x0))
+    settling = _Settling(Motion(assembly, masses, chains, loads), scheme or ImplicitEuler(linear=True), x0, step, atol)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return settling.run(method, max_steps)
+
+
+def _balanced(assembly, chains, loads, x0, atol):
+    """The equilibrium, sought from x0 if that is nearly one, else from the net of uniform pull.
+
+    From there elements may push at first: that evens out their lengths in a few Newton iterations where slack ones
+    would have no stiffness. If all are taut then it is the answer already.
+    """
+    prepared = assembly.prepare(chains, loads)
+
+    def imbalance(x):
+        return assembly.unknowns.norm(assembly.residual(assembly.unknowns.restrict(x), prepared)[0])
+
+    residuals: tuple[float, ...] = ()
+    iterations = 0
+    pulled = force_density_start(assembly, chains, loads, x0)
+    if pulled is not None and not imbalance(x0) < NEAR * imbalance(pulled):
+        x0 = pulled
+        if not all(c.two_way.all() for c in chains):
+            pushing = tuple(replace(c, two_way=np.ones_like(c.two_way)) for c in chains)
+            first = equilibrium(assembly, pushing, loads, x0, atol, max_iterations=PUSHING, step_limit=np.inf)
+            if first.converged:
+                x0, residuals, iterations = first.x, first.residuals, first.iterations
+    found = equilibrium(assembly, chains, loads, x0, atol, step_limit=np.inf)
+    if not found.converged:  # members that snap from slack to taut need shorter steps than the loads would make
+        limited = equilibrium(assembly, chains, loads, x0, atol)
+        found = limited if limited.converged else found
+    return Form(found.x, found.status, iterations + found.iterations, residuals + found.residuals)
+
+
+class _Settling:
+    """Particles on their way to rest."""
+
+    def __init__(self, motion, scheme, x0, step, atol):
+        self.motion, self.scheme, self.h, self.atol = motion, scheme, step, atol
+        q = motion.unknowns.restrict(np.asarray(x0, float))
+        self.state = State(0.0, q, np.zeros_like(q), np.zeros_like(q))
+        self.residuals = [self._residual(q)]
+        self.resets = 0
+
+    def _residual(self, q):
+        r, _ = self.motion.assembly.residual(q, self.motion.prepared(0.0))
+        return self.motion.unknowns.norm(r)
+
+    def run(self, method, max_steps):
+        """Steps until the residual meets the tolerance."""
+        status, energies, places = "max_iterations", [0.0, 0.0], [self.state.q, self.state.q]
+        steps = 0
+        while True:
+            if self.residuals[-1] <= self.atol:
+                status = "converged"
+                break
+            if not self.residuals[-1] <= LOST * max(self.residuals[0], self.atol):
+                status = "diverged"
+                break
+            if steps == max_steps:
+                break
+            new = linear_step(self.motion, self.scheme, self.state, self.h)
+            if new is None:
+                status = "diverged"
+                break
+            steps += 1
+            if method != "viscous":
+                energy = self.motion.kinetic_energy(new)
+                if energy < energies[-1]:
+                    q = _peak(energies, energy, places, new.q) if method == "kinetic-q" else new.q
+                    new = State(new.t, q, np.zeros_like(q), np.zeros_like(q))
+                    energies, places, energy = [0.0, 0.0], [q, q], 0.0
+                    self.resets += 1
+                energies, places = [energies[-1], energy], [places[-1], new.q]
+            self.state = replace(new, t=0.0)
+            self.residuals.append(self._residual(new.q))
+        x = self.motion.positions(self.state.q)
+        return Form(x, status, steps, tuple(self.residuals), self.resets)
+
+
+def _peak(energies, energy, places, q):
+    """Positions (u,) m at the peak of the kinetic energy, between the last three steps (PSM thesis eq. 4.10, 4.11)."""
+    bend = 2.0 * energies[1] - energies[0] - energy
+    part = (energies[1] - energy) / bend if bend > 0.0 else 0.5
+    if part < 0.5:
+        return places[0] + 2.0 * part * (places[1] - places[0])
+    return places[1] + (2.0 * min(part, 1.0) - 1.0) * (q - places[1])
