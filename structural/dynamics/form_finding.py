@@ -19,7 +19,7 @@ Method = Literal["equilibrium", "viscous", "kinetic", "kinetic-q"]
 METHODS = ("equilibrium", "viscous", "kinetic", "kinetic-q")
 # A particle system whose out-of-balance force has grown by this much since the beginning is lost.
 LOST = 1e12
-# A start this much better balanced than the net of uniform pull is kept. Newton iterations with members that push.
+# A start out of balance by less than this part of the load (of the start by uniform pull without any) is kept. Newton iterations with members that push.
 NEAR, PUSHING = 1e-2, 50
 
 
@@ -88,12 +88,14 @@ def _balanced(assembly, chains, loads, x0, atol):
     prepared = assembly.prepare(chains, loads)
 
     def imbalance(x):
-        return assembly.unknowns.norm(assembly.residual(assembly.unknowns.restrict(x), prepared)[0])
+        r, load = assembly.residual(assembly.unknowns.restrict(x), prepared)
+        return assembly.unknowns.norm(r), load
 
     residuals: tuple[float, ...] = ()
     iterations = 0
     pulled = force_density_start(assembly, chains, loads, x0)
-    if pulled is not None and not imbalance(x0) < NEAR * imbalance(pulled):
+    out, load = imbalance(x0)
+    if pulled is not None and not out < NEAR * (load or imbalance(pulled)[0]):
         x0 = pulled
         if not all(c.two_way.all() for c in chains):
             pushing = tuple(replace(c, two_way=np.ones_like(c.two_way)) for c in chains)
