@@ -52,9 +52,9 @@ class SectionFlow:
 
     F_i = gamma_i - c_i U_i cl_i(alpha_i) / 2 with V_i = V_inf + sum_j A_ij gamma_j, U_i the speed across the bound
     vortex and alpha_i = atan2(V_i.n_i, V_i.t_i). `influence` (3, n, n) 1/m, None is strip theory; `free_stream` (3,)
-    m/s. With `viscosity` (n,) the term -viscosity_i (second difference of gamma)_i is added. With `far_speed` W (n,)
-    m/s, the free-stream speed across each bound vortex, U_i is replaced by U_i^2 / W_i: circulation from the lift of
-    the section and the far speed.
+    m/s, or (n,3) where strips move. With `viscosity` (n,) the term -viscosity_i (second difference of gamma)_i is
+    added. With `far_speed` W (n,) m/s, the free-stream speed across each bound vortex, U_i is replaced by U_i^2 / W_i:
+    circulation from the lift of the section and the far speed.
     """
 
     influence: np.ndarray | None
@@ -132,7 +132,9 @@ def solve(flow, start):
 
     A viscous solution is converged to the same tolerance but is that of a regularised problem, and says so.
     """
-    scale = 0.5 * np.max(flow.strips.chord) * np.linalg.norm(flow.free_stream) * np.sqrt(len(start))
+    free = flow.free_stream
+    fastest = np.linalg.norm(free) if free.ndim == 1 else np.linalg.norm(free, axis=1).max()
+    scale = 0.5 * np.max(flow.strips.chord) * fastest * np.sqrt(len(start))
     gamma, count = _newton(flow, start, scale)
     used = 0.0
     if _relative(flow, gamma, scale) > ACCEPTED:
@@ -206,10 +208,11 @@ def attached_start(flow):
     g = flow.strips
     cl0, slope, _ = flow.polars.lift(flow.polar_angle(np.zeros(len(g.chord))))
     free = flow.free_stream
-    across = free - (g.span @ free)[:, None] * g.span
+    along, up = (d @ free if free.ndim == 1 else np.einsum("ik,ik->i", d, free) for d in (g.span, g.normal))
+    across = free - along[:, None] * g.span
     speed = np.sqrt(np.einsum("ik,ik->i", across, across))
     weight = 0.5 * g.chord * slope
-    right = 0.5 * g.chord * speed * cl0 + weight * (g.normal @ free)
+    right = 0.5 * g.chord * speed * cl0 + weight * up
     if flow.influence is None:
         return right
     normal_wash = np.einsum("kij,ik->ij", flow.influence, g.normal)

@@ -41,6 +41,11 @@ class Strips:
     span: np.ndarray
     normal: np.ndarray
 
+    def at_control(self, leading, trailing):
+        """Values (n,k) at the control points of what varies linearly between those (n+1,k) at the sections' edges."""
+        behind = leading + THREE_QUARTER * (trailing - leading)
+        return behind[:-1] + control_fractions(self.width)[:, None] * (behind[1:] - behind[:-1])
+
 
 def control_fractions(width):
     """Where along each strip (n,) its control point lies, 0 to 1, from the strip widths (n,).

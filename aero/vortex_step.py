@@ -91,17 +91,20 @@ class VortexStep:
         """The same wing in air of this density kg/m^3."""
         return self if density == self.density else replace(self, density=density)
 
-    def loads(self, nodes, wind, start=None, symmetric=False):
+    def loads(self, nodes, wind, start=None, symmetric=False, velocity=None):
         """Loads for interface `nodes` (s,3) m in the `wind` (3,) m/s, from the circulation `start` (n,) if there is
         one.
 
-        With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored.
+        With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored. With the
+        `velocity` (s,3) m/s of the nodes every strip meets the wind minus its own velocity at its control point, at
+        three quarters of the chord, so that thin-airfoil theory holds for pitch rates too (quasi-steady: neither
+        shed vortices nor the inertia of the air); the wake goes with the wind.
         """
-        at = self.placed(nodes, wind, symmetric)
+        at = self.placed(nodes, wind, symmetric, velocity)
         return self.loaded(at, self._solve(at.flow, None if start is None else start[at.rows]))
 
-    def placed(self, nodes, wind, symmetric=False):
-        """The strips and the flow to be solved for `nodes`, `wind` and `symmetric` as in `loads`."""
+    def placed(self, nodes, wind, symmetric=False, velocity=None):
+        """The strips and the flow to be solved for `nodes`, `wind`, `symmetric`, `velocity` as in `loads`."""
         sections = nodes[self.grid.sections]
         strips = strips_between(sections[:, 0], sections[:, -1])
         zero_lift, extra = self.grid.camber(sections, strips.normal) if self.camber else (None, None)
@@ -109,6 +112,9 @@ class VortexStep:
         wake = wind / np.linalg.norm(wind)
         n = len(strips.chord)
         rows = slice(n // 2, n) if symmetric else slice(0, n)
+        if velocity is not None:
+            moving = velocity[self.grid.sections]
+            wind = wind - strips.at_control(moving[:, 0], moving[:, -1])[rows]
         flow = self._flow(strips, wind, wake, rows, symmetric, zero_lift)
         return _Placed(nodes, strips, flow, wake, rows, symmetric, extra)
 
@@ -133,7 +139,8 @@ class VortexStep:
         middle = symmetric and len(self.mirror) % 2 == 1
         far = None
         if self.circulation_speed == "far":
-            across = wind - (part.span @ wind)[:, None] * part.span
+            along = part.span @ wind if wind.ndim == 1 else np.einsum("ik,ik->i", part.span, wind)
+            across = wind - along[:, None] * part.span
             far = np.sqrt(np.einsum("ik,ik->i", across, across))
         shift = None if zero_lift is None else -zero_lift[rows]
         polars = self.polars.of(rows)

@@ -5,30 +5,30 @@ from typing import Any
 
 import numpy as np
 
-from aero import SurfaceGrid, VortexStep, WingSensitivity, line_loads, line_loads_derivative
+from aero import SurfaceGrid, VortexStep, WingSensitivity, line_loads_derivative
 from structural import mirror_permutation
 
-from .core import Core
-from .interface import rotated
+from .flow import FlowCore
 from .symmetry import symmetrised
 from .variables import StepFailed, Variable
 
 # Difference of mirrored points, m, that still counts as symmetric: what a half structure leaves by rounding.
 LOPSIDED = 1e-9
+# Difference of mirrored velocities, m/s, likewise.
+SPEED_LOPSIDED = 1e-6
 
 
-class AeroCore(Core):
+class AeroCore(FlowCore):
     """Quasi-steady loads of a scene's wing in a uniform wind, warm-started from step to step."""
 
-    _hidden = ("_gamma", "_fresh", "_solved", "_looked")
+    _hidden = (*FlowCore._hidden, "_gamma", "_looked")
 
     def __init__(self, scene):
         content = scene.content["aero"]
-        self._scene = scene
-        self._interface = scene.interface
+        interface = scene.interface
         self._wing = VortexStep(
             scene.strip_polars(),
-            SurfaceGrid(self._interface.sections, self._interface.fractions),
+            SurfaceGrid(interface.sections, interface.fractions),
             induction=content["induction"],
             direction=content["direction"],
             circulation_speed=content["circulation_speed"],
@@ -39,33 +39,16 @@ class AeroCore(Core):
         self._looked = False  # the present values have been tried without a step
         self._stall = self._wing.polars.stall_angles()
         self._mirrored_polars = self._wing.polars.mirrored()
-        self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
-        super().__init__(scene.name, tuple(self._declared(content)))
+        super().__init__(scene)
 
     def _declared(self, content):
-        points, panels = len(self._interface.nodes), len(self._interface.panels)
-        strips = len(self._interface.sections) - 1
-        text = "interface displacement from the reference configuration"
-        yield Variable("displacement", (points, 3), unit="m", description=text)
+        panels, strips = len(self._interface.panels), len(self._interface.sections) - 1
+        yield from self._inputs(content)
         tunable = partial(Variable, causality="parameter", variability="tunable")
-        text = "wind speed at the wing"
-        start = content["wind_speed"]
-        yield tunable("wind_speed", unit="m/s", start=start, minimum=1e-3, maximum=340.0, description=text)
-        text = "direction that the wind blows to, global frame, any length above zero"
-        start = np.array(content["wind_direction"], float)
-        yield tunable("wind_direction", (3,), start=start, description=text)
-        text = "density of the air"
-        start = content["air_density"]
-        yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
         start = self._scene.content["structure"]["symmetric"]
         text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
         yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
-        if len(self._interface.lines):
-            drag = partial(tunable, minimum=0.0, maximum=100.0)
-            text = "drag coefficient of lines across the flow, on diameter times length"
-            yield drag("line_normal_drag", start=content["line_normal_drag"], description=text)
-            text = "friction coefficient of lines along the flow, on diameter times length"
-            yield drag("line_friction", start=content["line_friction"], description=text)
+        yield from self._line_parameters(content)
         if self._scene.content["trim"] is not None:
             text = "rigid nose-up rotation about the pivot in which the wing starts"
             fixed = partial(tunable, variability="fixed", minimum=-3.2, maximum=3.2)
@@ -74,9 +57,9 @@ class AeroCore(Core):
         yield output("pressure", (panels,), unit="Pa", description="net pressure on each interface panel")
         if content["section_force"] != "normal":
             yield output("shear", (panels, 3), unit="Pa", description="traction on each interface panel")
-        if len(self._interface.lines):
-            text = "wind load on each exposed line per current length"
-            yield output("line_load", (len(self._interface.lines), 3), unit="N/m", description=text)
+        line_load, *of_lines = [*self._line_outputs()] or [None]
+        if line_load is not None:
+            yield line_load
         area = f"of the wing on the reference area {content['reference_area']:g} m2"
         yield output("CL", description=f"lift coefficient {area}")
         yield output("CD", description=f"drag coefficient {area}")
@@ -85,10 +68,7 @@ class AeroCore(Core):
         about = "origin" if self._scene.pivot is None else "pivot"
         text = f"aerodynamic moment on the wing about the {about}"
         yield output("moment", (3,), unit="N.m", description=text)
-        if len(self._interface.lines):
-            yield output("line_force", (3,), unit="N", description="aerodynamic force on the exposed lines")
-            text = f"aerodynamic moment on the exposed lines about the {about}"
-            yield output("line_moment", (3,), unit="N.m", description=text)
+        yield from of_lines
         yield output("glide_ratio", description="lift over drag of the wing and the exposed lines together")
         text = "angle of the mid-span chord to the free stream"
         yield output("alpha_mid", unit="rad", description=text)
@@ -111,13 +91,9 @@ class AeroCore(Core):
         yield output("symmetry_used", kind="boolean", start=float(start), description=text)
 
     def _check(self, block, array):
+        super()._check(block, array)
         if block == "wind_direction" and not np.abs(array[[0, 2]]).max() > 1e-6 * np.abs(array).max():
             raise ValueError("wind_direction must not be zero or along the span (y).")
-
-    def _parameter_changed(self, block):
-        if block == "trim_angle":
-            nodes = self._interface.nodes
-            self._values["displacement"] = rotated(nodes, self._scalar("trim_angle"), self._about) - nodes
 
     def get(self, block: str) -> np.ndarray:
         """See `Core.get`. Before the first step the outputs are the loads on the wing as it starts.
@@ -141,10 +117,12 @@ class AeroCore(Core):
     def step(self, t: float, dt: float) -> None:
         """Loads on the displaced wing; the same input again returns the stored output without solving."""
         try:
+            self._blow(t, dt)
             if self._stale:
-                self._solve()
+                self._solve(dt)
             elif not self._fresh:
                 self._put("newton_iterations", 0)
+            self._passed(t, dt)
         finally:
             self._fresh = False
 
@@ -188,22 +166,16 @@ class AeroCore(Core):
     def _image(self):
         return mirror_permutation(self._interface.nodes)
 
-    def _present(self):
-        """Nodes (n,3) m of the displaced interface, direction (3,) of the wind, its speed m/s."""
-        direction = self._values["wind_direction"]
-        direction = np.ldexp(direction, -np.frexp(np.abs(direction).max())[1])  # exact, and its square is a number
-        nodes = self._interface.nodes + self._values["displacement"]
-        return nodes, direction / np.linalg.norm(direction), self._scalar("wind_speed")
-
-    def _solve(self) -> None:
+    def _solve(self, dt: float = 0.0) -> None:
         self._unsolved()
         nodes, direction, speed = self._present()
         symmetric = bool(self._values["symmetric"]) and direction[1] == 0.0 and self._mirrored_polars
-        symmetric = symmetric and self._symmetric_shape(nodes)
+        symmetric = symmetric and self._symmetric_shape(nodes) and self._symmetric_motion()
         wing = self._wing.in_air(self._scalar("air_density"))
         with np.errstate(all="ignore"):
             try:
-                loads = wing.loads(nodes, speed * direction, None if self._fresh else self._gamma, symmetric)
+                start = None if self._fresh else self._gamma
+                loads = wing.loads(nodes, speed * direction, start, symmetric, self._values.get("velocity"))
             except np.linalg.LinAlgError:
                 loads = None
         if loads is None or not np.all(np.isfinite(loads.force)):
@@ -215,14 +187,20 @@ class AeroCore(Core):
             )
         with self._finite_results():
             self._gamma = loads.circulation.gamma
-            self._show(nodes, direction, speed, loads, symmetric)
+            self._show(nodes, direction, speed, loads, symmetric, dt)
         self._stale, self._solved = False, True
 
     def _symmetric_shape(self, nodes):
         grid = nodes[self._interface.sections]
         return np.abs(grid[::-1] * np.array([1.0, -1.0, 1.0]) - grid).max() <= LOPSIDED
 
-    def _show(self, nodes, direction, speed, loads, symmetric):
+    def _symmetric_motion(self):
+        if not self._scene.moves:
+            return True
+        moving = self._values["velocity"][self._interface.sections]
+        return np.abs(moving[::-1] * np.array([1.0, -1.0, 1.0]) - moving).max() <= SPEED_LOPSIDED
+
+    def _show(self, nodes, direction, speed, loads, symmetric, dt):
         force = loads.total_force()
         q_area = 0.5 * self._scalar("air_density") * speed**2 * self._scene.content["aero"]["reference_area"]
         across = np.cross(direction, [0.0, 1.0, 0.0])
@@ -230,7 +208,7 @@ class AeroCore(Core):
         self._put("pressure", loads.pressure)
         if loads.shear is not None:
             self._put("shear", loads.shear)
-        total = force + self._show_lines(nodes, speed * direction)
+        total = force + self._show_lines(nodes, speed * direction, dt)
         self._put("glide_ratio", (total @ across) / (total @ direction) if total @ direction != 0.0 else 0.0)
         self._put("CL", force @ across / q_area)
         self._put("CD", force @ direction / q_area)
@@ -257,23 +235,6 @@ class AeroCore(Core):
         self._put("residual", circulation.residual)
         self._put("newton_iterations", circulation.newton_iterations)
         self._put("symmetry_used", float(symmetric))
-
-    def _show_lines(self, nodes, wind):
-        """Put out the loads on the exposed lines; their force (3,) N."""
-        if not len(self._interface.lines):
-            return np.zeros(3)
-        ends = nodes[self._interface.lines]
-        load = line_loads(ends, *self._line_air(wind))
-        force = load * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
-        self._put("line_load", load)
-        self._put("line_force", force.sum(axis=0))
-        self._put("line_moment", np.cross(ends.mean(axis=1) - self._about, force).sum(axis=0))
-        return force.sum(axis=0)
-
-    def _line_air(self, wind):
-        """What `line_loads` needs besides the ends of the lines."""
-        air = (self._scalar(k) for k in ("air_density", "line_normal_drag", "line_friction"))
-        return self._interface.diameter, wind, *air
 
     def _mid_span_angle(self, nodes, direction):
         """Angle of the chord at the middle of the span (mean of the middle sections) to the wind, rad."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from aero.line_drag import FRICTION, NORMAL_DRAG
 
+from .scene_settings import INTEGRATION, options, setting, variant
 from .tables import SceneError
 
 
@@ -99,13 +100,6 @@ def _values(value: Any) -> dict[str, float]:
         raise _Wrong("a table of names, each with a finite number") from None
 
 
-# The settings that a scene may offer, with the options that have a meaning; None: what the scene makes of it.
-_OPTIONS = {
-    "chord": ("structural", "design"), "line_drag": ("on", "off"), "panels_per_section": None, "variant": None,
-    "canopy_stations": None, "canopy_subdivisions": None, "tube_law": ("breukels", "fabric", "tip-deflection"),
-    "camber_feedback": ("on", "off"), "scale": None,
-}  # fmt: skip
-
 # Section -> key -> (check, default); a default of `...` means that the key must be given.
 _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
     "structure": {
@@ -133,6 +127,7 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
         "loads": (_file, None),
         "load_values": (_values, {}),
         "tapes": (_tapes, {}),
+        "reels": (_tapes, {}),
     },
     "wing": {"struts": (_file, None), "sections": (_file, ...), "polars": (_file, ...)},
     "aero": {
@@ -144,19 +139,20 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
         "wind_speed": (_number(above=0.0), ...),
         "wind_direction": (_direction, [1.0, 0.0, 0.0]),
         "air_density": (_number(above=0.0), 1.225),
-        "reference_area": (_number(above=0.0), ...),
+        "reference_area": (_number(above=0.0), None),
         "line_normal_drag": (_number(low=0.0), NORMAL_DRAG),
         "line_friction": (_number(low=0.0), FRICTION),
     },
     "trim": {"lowest_deg": (_number(), -5.0), "highest_deg": (_number(), 25.0)},
     "dynamics": {
-        "scheme": (_choice("implicit-euler", "generalised-alpha", "bdf2"), "generalised-alpha"),
+        "scheme": (_choice(*INTEGRATION), "generalised-alpha"),
         "spectral_radius": (_number(low=0.0, high=1.0), 0.5),
         "longest_step": (_number(above=0.0), 0.01),
         "communication_step": (_number(above=0.0), 0.02),
         "stop_time": (_number(above=0.0), 10.0),
         "line_damping_time": (_number(low=0.0), 0.0),
         "spring_damping_time": (_number(low=0.0), 0.0),
+        "start_in_equilibrium": (_flag, False),
     },
 }
 # Sections that a scene may do without.
@@ -170,25 +166,26 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
     """
     label = f"{folder.name}/scene.toml"
     content = _parsed(folder / "scene.toml", label)
-    options = _options(label, content.get("settings", {}))
-    chosen = {key: option["default"] for key, option in options.items()}
+    offered = options(label, content.get("settings", {}))
+    chosen = {key: option["default"] for key, option in offered.items()}
     for key, value in settings.items():
-        if key not in options:
-            known = ", ".join(sorted(options)) or "none"
+        if key not in offered:
+            known = ", ".join(sorted(offered)) or "none"
             raise SceneError(f"scene '{folder.name}' has no setting '{key}'; its settings are: {known}.")
-        chosen[key] = _setting(f"setting {key} of scene '{folder.name}'", value, options[key])
+        chosen[key] = setting(f"setting {key} of scene '{folder.name}'", value, offered[key])
     unknown = set(content) - set(_KNOWN) - {"title", "description", "settings", "variants"}
     if unknown:
         raise SceneError(f"{label} has an unknown section [{sorted(unknown)[0]}]; known are: {', '.join(_KNOWN)}.")
-    changes = _variant(label, content.get("variants", {}), chosen.get("variant"))
-    checked: dict[str, Any] = {"settings": options}
+    changes = variant(label, content.get("variants", {}), chosen.get("variant"), _KNOWN)
+    checked: dict[str, Any] = {"settings": offered}
     for key, default in (("title", folder.name), ("description", "")):
         checked[key] = str(content.get(key, default))
     absent = {section for section in _OPTIONAL if section not in content and section not in changes}
-    if len(absent & {"wing", "aero"}) == 1 or ("wing" in absent and "trim" not in absent):
-        lacks = sorted(absent - {"trim"})[0]
+    lacks = next((n for n, o in (("aero", "wing"), ("wing", "trim")) if n in absent and o not in absent), None)
+    if lacks:
         raise SceneError(
-            f"{label} lacks a section [{lacks}]; add it (a scene without flow has neither [wing], [aero] nor [trim])."
+            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
+            "wing has a flow around its lines, or none)."
         )
     for section, keys in _KNOWN.items():
         given = content.get(section, {})
@@ -211,71 +208,6 @@ def _parsed(path: Path, label: str) -> dict[str, Any]:
     except (ValueError, OSError, RecursionError) as error:  # TOML and Unicode errors are ValueErrors
         reason = " ".join(str(error).split())[:200]
         raise SceneError(f"{label} is not valid TOML ({reason}); mend that line.") from None
-
-
-def _options(label: str, settings: Any) -> dict[str, dict[str, Any]]:
-    """The [settings.NAME] tables: a text default with its options, or a whole-number default with its bounds."""
-    if not isinstance(settings, dict):
-        raise SceneError(f"{label}: [settings] must hold tables; write [settings.NAME] with a default.")
-    for key, option in settings.items():
-        place = f"{label}: [settings.{key}]"
-        if key not in _OPTIONS:
-            raise SceneError(f"{place} has no meaning; known settings are: {', '.join(_OPTIONS)}.")
-        if not isinstance(option, dict) or "default" not in option:
-            raise SceneError(f"{place} must be a table with a default; add 'default = ...'.")
-        default = option["default"]
-        if isinstance(default, str):
-            choices = option.get("options")
-            if not isinstance(choices, list) or not choices or not all(isinstance(c, str) for c in choices):
-                raise SceneError(f"{place} options must be a list of texts that the setting may have; add it.")
-            known = _OPTIONS[key] or choices
-            if odd := [c for c in choices if c not in known]:
-                raise SceneError(f"{place} option '{odd[0]}' has no meaning; there are: {', '.join(known)}.")
-        elif isinstance(default, bool) or not isinstance(default, int | float):
-            raise SceneError(f"{place} default must be a text or a whole number; correct it.")
-        else:
-            kind = (int, "a whole number") if isinstance(default, int) else (int | float, "a number")
-            for bound in ("minimum", "maximum"):
-                if isinstance(option.get(bound, 1), bool) or not isinstance(option.get(bound, 1), kind[0]):
-                    raise SceneError(f"{place} {bound} must be {kind[1]}; correct it.")
-        _setting(place, default, option)
-    return settings
-
-
-def _setting(place: str, value: Any, option: dict[str, Any]) -> Any:
-    """The value of a setting, if its option allows it."""
-    if isinstance(option["default"], str):
-        if not isinstance(value, str) or value not in option["options"]:
-            raise SceneError(f"{place} cannot be '{value}'; choose one of: {', '.join(option['options'])}.")
-        return value
-    whole = isinstance(option["default"], int)
-    try:
-        number = int(str(value)) if whole else float(str(value))
-    except ValueError:
-        kind = "a whole number" if whole else "a number"
-        raise SceneError(f"{place} must be {kind}, not '{value}'; correct it.") from None
-    low, high = option.get("minimum", 1), option.get("maximum", 100)
-    if not low <= number <= high:
-        raise SceneError(f"{place} must lie between {low} and {high}; it is {number}.")
-    return number
-
-
-def _variant(label: str, variants: Any, chosen: str | None) -> dict[str, dict[str, Any]]:
-    """Section -> key -> value of the chosen variant, which go before those of the sections themselves."""
-    if not isinstance(variants, dict):
-        raise SceneError(
-            f"{label}: [variants] must hold tables; write [variants.NAME.SECTION] with the keys to change."
-        )
-    for name, sections in variants.items():
-        right = isinstance(sections, dict) and all(s in _KNOWN and isinstance(k, dict) for s, k in sections.items())
-        if not right:
-            known = ", ".join(_KNOWN)
-            raise SceneError(f"{label}: [variants.{name}] must hold tables of the sections {known}; correct it.")
-    if chosen is None:
-        return {}
-    if chosen not in variants:
-        raise SceneError(f"{label} has no [variants.{chosen}]; add it or choose another variant.")
-    return variants[chosen]
 
 
 def _section(

@@ -90,6 +90,13 @@ def grid_interface(nodes, grid):
     return Interface(nodes[flat], sections, fractions, panels, arc_fraction(nodes[grid[:, 0]]), weights)
 
 
+def lines_interface(nodes):
+    """The interface of a structure (n,3) m without a wing, to which `with_lines` adds all that it has."""
+    none = np.zeros((0, 3))
+    sections, panels = np.zeros((0, 3), dtype=int), np.zeros((0, 4), dtype=int)
+    return Interface(none, sections, CHORD_FRACTIONS, panels, np.zeros(0), sp.csr_array((0, len(nodes))))
+
+
 def with_lines(interface, nodes, legs, diameter):
     """The interface with the lines `legs` (k,2) of structural nodes (n,3) and their `diameter` (k,) m added.
 

@@ -15,6 +15,7 @@ from .interface import (
     arc_fraction,
     design_interface,
     grid_interface,
+    lines_interface,
     structural_interface,
     with_lines,
 )
@@ -43,7 +44,9 @@ class Scene:
         """The interface mesh for the chosen chord and number of strips, with the lines where they have drag."""
         per_bay = int(self.settings.get("panels_per_section", 1))
         nodes = self.members.nodes
-        if self.members.wing is not None:
+        if self.content["wing"] is None and self.members.wing is None:
+            interface = lines_interface(nodes)
+        elif self.members.wing is not None:
             interface = grid_interface(nodes, self.members.wing.grid)
         elif self.settings.get("chord", "structural") == "design":
             le, te = self._design()
@@ -91,8 +94,17 @@ class Scene:
         label = self.content["structure"]["pivot"]
         return None if label is None else self.members.node(label, f"{self.name}/scene.toml [structure] pivot")
 
+    @property
+    def moves(self) -> bool:
+        """Whether the scene is a motion through time, with masses, and not one of equilibria."""
+        return self.content["dynamics"] is not None
+
     def structural_core(self):
         """The structural solver core of this scene."""
+        if self.moves:
+            from .moving_core import MovingCore
+
+            return MovingCore(self)
         from .structural_core import StructuralCore
 
         return StructuralCore(self)
@@ -109,7 +121,11 @@ class Scene:
     def aero_core(self):
         """The aerodynamic solver core of this scene."""
         if not self.has_flow:
-            raise SceneError(f"scene '{self.name}' has no flow: its scene.toml has no [wing] and [aero].")
+            raise SceneError(f"scene '{self.name}' has no flow: its scene.toml has no [aero].")
+        if self.content["wing"] is None:
+            from .flow import LineFlowCore
+
+            return LineFlowCore(self)
         from .aero_core import AeroCore
 
         return AeroCore(self)
@@ -188,16 +204,20 @@ def load(scene: str | Path, settings: dict[str, Any] | None = None) -> Scene:
     if scale <= 0.0:
         raise SceneError(f"{folder.name}/scene.toml: [settings.scale] must be above zero; it is {scale:g}.")
     if content["aero"] is not None:
-        content["aero"]["reference_area"] *= scale**2
+        if content["wing"] is not None and content["aero"]["reference_area"] is None:
+            raise SceneError(f"{folder.name}/scene.toml: [aero] lacks 'reference_area'; add it.")
+        content["aero"]["reference_area"] = (content["aero"]["reference_area"] or 1.0) * scale**2
     members = read_members(folder, content["structure"], chosen)
     if members.wing is not None:
         struts = members.wing.grid[:, [0, -1]]
         if content["wing"] is not None:
             _check_ribs(folder, content, members, struts[:: int(chosen.get("canopy_subdivisions", 1))])
     elif content["wing"] is None:
-        raise SceneError(
-            f"{folder.name}/scene.toml: a scene without [wing] and [aero] needs [structure] tubes and ribs; add them."
-        )
+        struts = np.zeros((0, 2), dtype=int)
+        if content["aero"] is None and content["dynamics"] is None:
+            raise SceneError(
+                f"{folder.name}/scene.toml: a scene without [aero] needs tubes and ribs in [structure], or [dynamics]."
+            )
     else:
         struts = _struts(folder, content, members)
     return Scene(folder.name, folder, content, chosen, members, struts)

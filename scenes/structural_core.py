@@ -21,11 +21,10 @@ from .checks import symmetric_chains
 from .core import Core
 from .holding import held_moment, held_place, held_structure, holding_reactions
 from .interface import rotated
-from .members import with_rest_lengths
 from .point_loads import read_loads
 from .structural_variables import structural_variables
 from .symmetry import mirror_images, symmetric_state, symmetrised
-from .tables import SceneError
+from .tapes import Tapes
 from .tube_sections import tube_beams, tube_state
 from .variables import StepFailed
 
@@ -42,7 +41,7 @@ class StructuralCore(Core):
     def __init__(self, scene):
         self._scene = scene
         self._members = scene.members
-        self._tapes = scene.content["structure"]["tapes"]
+        self._tapes = Tapes(scene)
         self._interface = scene.interface
         self._pivot, self._held = scene.pivot, held_place(scene)
         self._mirror = mirror_permutation(self._members.nodes)
@@ -50,26 +49,10 @@ class StructuralCore(Core):
         self._chains = None
         self._beams = None
         self._loads = read_loads(scene)
-        starts = {tape: float(self._rest[0][self._tape_rows(tape)[0]]) for tape in self._tapes}
-        super().__init__(scene.name, tuple(structural_variables(scene, self._loads, starts, self._mirror is not None)))
+        variables = structural_variables(scene, self._loads, self._tapes.starts, self._mirror is not None)
+        super().__init__(scene.name, tuple(variables))
         self._x, self._rotations = self._start()
         self._show_shape()
-
-    @cached_property
-    def _rest(self):
-        return np.concatenate([c.l0 for c in self._members.chains]), np.concatenate([c.k for c in self._members.chains])
-
-    def _tape_rows(self, parameter):
-        rows = []
-        for element in self._tapes[parameter]:
-            if element not in self._members.names:
-                where = f"{self._scene.name}/scene.toml [structure.tapes] {parameter}"
-                raise SceneError(f"{where}: line '{element}' is not in the line table; add it or correct the name.")
-            rows.append(self._members.names.index(element))
-        if np.ptp(self._rest[0][rows]) > 0.0:
-            where = f"{self._scene.name}/scene.toml [structure.tapes] {parameter}"
-            raise SceneError(f"{where}: its lines have different rest lengths; give them one, or a tape each.")
-        return rows
 
     def hints(self):
         """What looks odd with the present parameters: misfits of the design shape, and what breaks its symmetry."""
@@ -137,13 +120,8 @@ class StructuralCore(Core):
     def _present_chains(self):
         """The chains with the present tape lengths and line modulus, and whether they are mirror-symmetric."""
         if self._chains is None:
-            rest, k = (a.copy() for a in self._rest)
-            for parameter in self._tapes:
-                rest[self._tape_rows(parameter)] = self._scalar(parameter)
-            area = self._members.area
-            if "line_modulus" in self._values:
-                k = np.where(area > 0.0, self._scalar("line_modulus") * area / np.where(area > 0.0, rest, 1.0), k)
-            chains = with_rest_lengths(self._members.chains, rest, k)
+            modulus = self._scalar("line_modulus") if "line_modulus" in self._values else None
+            chains = self._tapes.chains({name: self._scalar(name) for name in self._tapes}, modulus)
             self._chains = chains, self._mirrored_supports and symmetric_chains(chains, self._mirror)
         return self._chains
 

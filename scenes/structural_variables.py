@@ -29,7 +29,8 @@ def structural_variables(scene, loads, tapes, mirrored):
         text = "Young's modulus of the bridle lines"
         yield tunable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text)
     for parameter, start in tapes.items():
-        text = "rest length of " + ", ".join(content["tapes"][parameter])
+        of = "rest length of " if parameter in content["tapes"] else "rest length of all together: "
+        text = of + ", ".join({**content["tapes"], **content["reels"]}[parameter])
         yield tunable(parameter, unit="m", start=start, minimum=1e-3, description=text)
     if m.wing is not None:
         text = "pressure in the tubes above that of the air"
@@ -45,6 +46,9 @@ def structural_variables(scene, loads, tapes, mirrored):
     if m.wing_mass.sum() > 0.0:
         text = "mass of springs and canopy together; their nodes' shares scale with it"
         yield tunable("wing_mass", unit="kg", start=m.wing_mass.sum(), minimum=0.0, description=text)
+    dynamics = scene.content["dynamics"]
+    if dynamics is not None:
+        yield from _moving_inputs(dynamics, tapes, tunable)
     start = content["symmetric"]
     text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
     yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)
@@ -77,11 +81,53 @@ def structural_variables(scene, loads, tapes, mirrored):
         yield output("holding_moment", (3,), unit="N.m", description=text)
         yield output("holding_force", unit="N", description="side force (y) that holds roll and yaw")
     yield output("slack_lines", kind="integer", description="lines without tension")
-    yield output("residual", unit="N", description="out-of-balance force over free dofs after the step")
-    text = "out-of-balance force of the state before the step under the loads of the step"
-    yield output("imbalance_before_step", unit="N", description=text)
-    yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
-    text = "directions in which the equilibrium is unstable under its loads, kept as they are"
-    yield output("unstable_modes", kind="integer", description=text)
+    if dynamics is not None:
+        yield from _moving_outputs(points, tapes, output)
+    else:
+        yield output("residual", unit="N", description="out-of-balance force over free dofs after the step")
+        text = "out-of-balance force of the state before the step under the loads of the step"
+        yield output("imbalance_before_step", unit="N", description=text)
+        yield output("newton_iterations", kind="integer", description="Newton iterations of the step")
+        text = "directions in which the equilibrium is unstable under its loads, kept as they are"
+        yield output("unstable_modes", kind="integer", description=text)
     text = "whether the last solve was of one half"
     yield output("symmetry_used", kind="boolean", start=float(start and mirrored), description=text)
+
+
+def _moving_inputs(dynamics, tapes, tunable):
+    for tape in tapes:
+        text = f"rate at which the rest length of {tape} grows by reeling, on top of changes of {tape} itself"
+        yield Variable(f"{tape}_rate", unit="m/s", minimum=-1e3, maximum=1e3, description=text)
+    text = "longest step of the integration within a communication step"
+    yield tunable("longest_step", unit="s", start=dynamics["longest_step"], minimum=1e-7, description=text)
+    text = "what a step leaves of oscillations that it does not resolve, 0 to 1 (generalised-alpha only)"
+    start = dynamics["spectral_radius"]
+    yield tunable("spectral_radius", start=start, minimum=0.0, maximum=1.0, description=text)
+    for name, of in (("line_damping_time", "lines"), ("spring_damping_time", "springs and canopy")):
+        text = f"damping over stiffness of {of} (Kelvin-Voigt)"
+        yield tunable(name, unit="s", start=dynamics[name], minimum=0.0, maximum=1e3, description=text)
+    text = "loads go linearly from those of the step before to the present ones; else the present ones act all along"
+    yield tunable("loads_vary", kind="boolean", start=1.0, minimum=0.0, maximum=1.0, description=text)
+    text = "begin at rest in the equilibrium under the loads of the first step, not in the shape of the tables"
+    yield Variable(
+        "start_in_equilibrium", kind="boolean", causality="parameter", variability="fixed", minimum=0.0, maximum=1.0,
+        start=float(dynamics["start_in_equilibrium"]), description=text,
+    )  # fmt: skip
+
+
+def _moving_outputs(points, tapes, output):
+    yield output("velocity", (points, 3), unit="m/s", description="velocity of the interface nodes")
+    for tape, start in tapes.items():
+        text = f"rest length of {tape} at the end of the step, reeling included"
+        yield output(f"{tape}_present", unit="m", start=start, description=text)
+    for name, text in (
+        ("kinetic_energy", "of all nodes"),
+        ("elastic_energy", "of all elements"),
+        ("external_work", "put in by loads and gravity since the beginning"),
+        ("reeling_work", "put in by changes of rest length since the beginning"),
+        ("dissipated_energy", "taken by dampers since the beginning"),
+        ("numerical_loss", "missing from the balance since the beginning: what the scheme damps, or makes if negative"),
+    ):
+        yield output(name, unit="J", description=text)
+    yield output("integration_steps", kind="integer", description="steps of the integration in the last step")
+    yield output("newton_iterations", kind="integer", description="Newton iterations of the step")

@@ -19,7 +19,8 @@ Method = Literal["equilibrium", "viscous", "kinetic", "kinetic-q"]
 METHODS = ("equilibrium", "viscous", "kinetic", "kinetic-q")
 # A particle system whose out-of-balance force has grown by this much since the beginning is lost.
 LOST = 1e12
-# A start out of balance by less than this part of the load (of the start by uniform pull without any) is kept. Newton iterations with members that push.
+# A start out of balance by less than this part of the load (without any, of what the start by uniform pull is out of
+# balance by) is kept. Newton iterations with members that push.
 NEAR, PUSHING = 1e-2, 50
 
 
