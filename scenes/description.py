@@ -153,6 +153,10 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
         "line_damping_time": (_number(low=0.0), 0.0),
         "spring_damping_time": (_number(low=0.0), 0.0),
         "start_in_equilibrium": (_flag, False),
+        "gust_speed": (_number(), 0.0),
+        "gust_start": (_number(low=0.0), 0.0),
+        "gust_duration": (_number(above=0.0), 5.0),
+        "gust_interval": (_number(low=0.0), 0.0),
     },
 }
 # Sections that a scene may do without.

@@ -53,12 +53,16 @@ class FlowCore(Core):
 
     def _gusts(self, tunable):
         text = "height of gusts: wind_speed + gust_speed (1 - cos(2 pi t / gust_duration)) / 2, t since its beginning"
-        yield tunable("gust_speed", unit="m/s", minimum=-340.0, maximum=340.0, description=text)
+        start = self._scene.content["dynamics"]
+        yield tunable(
+            "gust_speed", unit="m/s", minimum=-340.0, maximum=340.0, start=start["gust_speed"], description=text
+        )
         positive = partial(tunable, unit="s", minimum=0.0, maximum=1e6)
-        yield positive("gust_start", description="time at which the first gust begins")
-        yield positive("gust_duration", start=5.0, description="duration of a gust")
+        text = "time at which the first gust begins"
+        yield positive("gust_start", start=start["gust_start"], description=text)
+        yield positive("gust_duration", start=start["gust_duration"], description="duration of a gust")
         text = "time from the beginning of a gust to that of the next; 0: there is one only"
-        yield positive("gust_interval", description=text)
+        yield positive("gust_interval", start=start["gust_interval"], description=text)
 
     def _line_parameters(self, content):
         if not len(self._interface.lines):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from structural import Loads, equilibrium, line_load_forces, surface_forces
+from structural import Loads, area_vectors, equilibrium, line_load_forces, surface_forces
 from structural.dynamics import SCHEMES, Balance, GeneralisedAlpha, Motion, State, integrate
 
 from .structural_core import StructuralCore
@@ -145,9 +145,12 @@ class MovingCore(StructuralCore):
             pairs = {k: (getattr(before, k), getattr(now, k)) for k in (*LOADS, "dead")}
             return Loads(**{k: b if a is None or a is b else a + s * (b - a) for k, (a, b) in pairs.items()})
 
+        air = self._air_mass()
+
         def mass(at):
             own = self._members.mass_with(wing_mass)
-            return own if not self._tapes_weigh else own + self._tapes.mass(at_lengths(at), self._density)
+            own = own if not self._tapes_weigh else own + self._tapes.mass(at_lengths(at), self._density)
+            return own if air is None else own[:, None, None] * np.eye(3) + air
 
         symmetric = bool(self._values["symmetric"]) and self._mirrored(chains(t), before, now, state)
         same = all(getattr(before, k) is getattr(now, k) for k in (*LOADS, "dead"))
@@ -156,6 +159,28 @@ class MovingCore(StructuralCore):
             return Motion(self._assembly(symmetric, False), *given), symmetric
         except ValueError as error:
             raise StepFailed(str(error)) from None
+
+    def _air_mass(self):
+        """Inertia (n,3,3) kg of the air that the wing moves along its normals, in the shape at the beginning of the
+        step; None where there is none.
+        """
+        coefficient = self._scalar("added_mass_coefficient") if "added_mass_coefficient" in self._values else 0.0
+        if coefficient == 0.0:
+            return None
+        i = self._interface
+        points = i.weights @ self._x
+        a = area_vectors(points[i.panels])
+        area = np.linalg.norm(a, axis=1)
+        chord = np.linalg.norm(points[i.sections[:, -1]] - points[i.sections[:, 0]], axis=1)
+        strip = np.tile(0.5 * (chord[:-1] + chord[1:]), len(i.fractions) - 1)
+        of_panel = (0.25 * np.pi * coefficient * self._scalar("air_density") * strip / area)[:, None, None]
+        of_panel = 0.25 * of_panel * (a[:, :, None] * a[:, None, :])  # m n n^T of the panel, a quarter to each corner
+        blocks = np.zeros((len(points), 3, 3))
+        for corner in i.panels.T:
+            np.add.at(blocks, corner, of_panel)
+        shares = abs(i.weights)
+        shares = shares.multiply(1.0 / shares.sum(axis=1)[:, None]).tocsr()
+        return (shares.T @ blocks.reshape(len(points), 9)).reshape(-1, 3, 3)
 
     @property
     def _tapes_weigh(self):
@@ -215,7 +240,7 @@ class MovingCore(StructuralCore):
         force += loads.dead.sum(axis=0)
         if loads.line_load is not None:
             force += line_load_forces(surface[self._interface.lines], loads.line_load).sum(axis=(0, 1))
-        self._put("support_force", force - self._node_mass() @ self._a)  # what does not move the nodes is held
+        self._put("support_force", force - self._node_mass() @ self._a)  # what moves no node is held; without its air
         self._put("integration_steps", result.steps)
         self._put("newton_iterations", result.newton_iterations)
         self._put("symmetry_used", float(symmetric))

@@ -49,6 +49,14 @@ def structural_variables(scene, loads, tapes, mirrored):
     dynamics = scene.content["dynamics"]
     if dynamics is not None:
         yield from _moving_inputs(dynamics, tapes, tunable)
+        if panels:
+            text = (
+                "air that the wing moves with it, over that of a flat plate across its chord (rho pi c^2 / 4 per span)"
+            )
+            yield tunable("added_mass_coefficient", minimum=0.0, maximum=1e3, description=text)
+            text = "density of the air that moves with the wing"
+            start = scene.content["aero"]["air_density"]
+            yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
     start = content["symmetric"]
     text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
     yield tunable("symmetric", kind="boolean", start=float(start), minimum=0.0, maximum=1.0, description=text)

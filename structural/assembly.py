@@ -112,12 +112,13 @@ class Assembly:
         groups.append((dofs(s.exposed[self._exposed[0]]), self._exposed[1]))
         spins = dofs(len(s.nodes) + np.arange(len(s.frames))[:, None])  # for the skew part of applied moments
         groups.append((spins, np.ones(len(spins))))
+        groups.append((dofs(np.arange(len(s.nodes))[:, None]), np.ones(len(s.nodes))))  # for masses with directions
         carried = [elements for _, elements in (self._panels, self._lines)]
         entries = [elements.stiffness_entries() for elements in carried]
         places = Pattern(n, [(u.index[d], u.sign[d], weight) for d, weight in groups], [e[:2] for e in entries])
         self._nnz = len(places.keys)
-        *self._scatter_f, self._drag_f, _ = places.forces
-        *self._scatter_k, self._drag_k, self._scatter_skew = places.stiffness
+        *self._scatter_f, self._drag_f, _, _ = places.forces
+        *self._scatter_k, self._drag_k, self._scatter_skew, self._node_k = places.stiffness
         self._load_stiffness = [
             elements.stiffness_map(target, position, factor, self._nnz)
             for elements, target, (_, _, position, factor) in zip(carried, places.places, entries, strict=True)
@@ -283,6 +284,10 @@ class Assembly:
             data = data - self._drag_k(by_x)
             rates = -self._drag_k(by_v) if v is not None else None
         return internal, external, data, rates
+
+    def node_blocks(self, blocks):
+        """Data of the matrix (q,q) with a block (n,3,3) on every node, to be filled in by `matrix`; no rigid links."""
+        return self._node_k(blocks)
 
     def matrix(self, data):
         """Sparse (q,q) matrix on the fixed pattern, which all these matrices share."""

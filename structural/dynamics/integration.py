@@ -9,7 +9,7 @@ import scipy.sparse.linalg as spla
 from structural.statics import NewtonSolve
 from structural.stiffness import rounding_of_positions
 
-from .motion import Motion, State
+from .motion import Mass, Motion, State
 from .schemes import ImplicitEuler, Scheme, StepSystem
 
 # Newton iterations of one step: more than one ever needs whose size suits the motion. What takes longer, as a stiff
@@ -67,7 +67,7 @@ class _Equations:
     system: StepSystem
     begin: np.ndarray
     scale: float = 0.0
-    mass: np.ndarray = field(init=False)
+    mass: Mass = field(init=False)
 
     def __post_init__(self):
         a = self.motion.assembly
@@ -80,10 +80,10 @@ class _Equations:
     def residual_and_tangent(self, d, _prepared, _rotations):
         s = self.system
         r, data, rates, external = self.motion.evaluated(self.begin + d, s.cw * (d - s.dw), s.t)
-        inertia = s.cm * self.mass * (d - s.da)
+        inertia = s.cm * self.mass.times(d - s.da)
         if rates is not None:
             data = data + s.cw * rates
-        data[self.diagonal] += s.cm * self.mass
+        self.mass.add_to(data, self.diagonal, s.cm)
         self.scale = max(self.scale, external + self.unknowns.norm(inertia))
         return r + inertia, self.matrix(data), self.scale
 
@@ -117,7 +117,7 @@ def linear_step(motion, scheme, state, h):
     system = h * h * data
     if rates is not None:
         system = system + h * rates
-    system[a.diagonal] += motion.mass(state.t + h)
+    motion.mass(state.t + h).add_to(system, a.diagonal, 1.0)
     if scheme.solver == "bicgstab":
         dv, _ = spla.bicgstab(a.matrix(system), b, rtol=1e-5, atol=1e-5, maxiter=100_000)
     else:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy.sparse.linalg as spla
 
 from structural.assembly import Assembly, Prepared
 from structural.chains import Chains, tensions
@@ -33,11 +34,55 @@ def _function(given: Callable[[float], T] | T) -> tuple[Callable[[float], T], bo
     return (lambda _t: given), False
 
 
+class Mass:
+    """Inertia of the unknowns of an assembly, from masses (n,) kg or (n,3,3) kg on its nodes.
+
+    ValueError in one sentence for a free node without mass, or a negative one.
+    """
+
+    def __init__(self, assembly: Assembly, mass: np.ndarray):
+        n, u = len(assembly.structure.nodes), assembly.unknowns
+        if mass.shape not in ((n,), (n, 3, 3)) or not np.all(np.isfinite(mass)):
+            raise ValueError(f"masses must be finite numbers, one for each of the {n} nodes.")
+        least = mass if mass.ndim == 1 else np.linalg.eigvalsh(mass)[:, 0]
+        free = (u.index.reshape(-1, 3) >= 0).any(axis=1)
+        bad = np.flatnonzero(least < 0.0)
+        bad = bad if len(bad) else np.flatnonzero((least == 0.0) & free)
+        if len(bad):
+            what = "negative mass" if least[bad[0]] < 0.0 else "no mass but is free to move"
+            raise ValueError(f"node number {bad[0]} has {what}; in dynamics every free node needs a mass above zero.")
+        self._diagonal = self._matrix = None
+        if mass.ndim == 1:
+            index = u.index >= 0
+            self._diagonal = np.bincount(u.index[index], np.repeat(mass, 3)[index], minlength=u.count)
+        else:
+            self._data = assembly.node_blocks(mass)
+            self._matrix = assembly.matrix(self._data)
+
+    def times(self, a):
+        """M a."""
+        return self._matrix @ a if self._diagonal is None else self._diagonal * a
+
+    def solve(self, f):
+        """M^-1 f."""
+        if self._diagonal is not None:
+            return f / self._diagonal
+        return spla.splu(self._matrix, permc_spec="NATURAL", options={"SymmetricMode": True}).solve(f)
+
+    def add_to(self, data, diagonal, factor):
+        """Add factor M to the data of a tangent, whose `diagonal` has these places."""
+        if self._diagonal is None:
+            data += factor * self._data
+        else:
+            data[diagonal] += factor * self._diagonal
+
+
 class Motion:
     """M a + f_int(x, v) - f_ext(x, v, t) = 0 for the free nodes of an assembly without frames.
 
-    `mass` (n,) kg on the nodes, `chains` the elements with their damping, `loads`; each is constant or a function of
-    the time. ValueError in one sentence for a free node without mass, negative masses, and structures with frames.
+    `mass` (n,) kg on the nodes, or (n,3,3) where inertia has a direction as that of the air around a wing; `chains` the
+    elements with their damping, `loads`; each is constant or a function of the time. ValueError in one sentence for a
+    free node without mass, negative masses, and structures with frames.
     """
 
     def __init__(
@@ -55,10 +100,9 @@ class Motion:
         self._loads, loads_move = _function(loads)
         self._constant = not (mass_moves or chains_move or loads_move)
         self._at: tuple[float, Any] | None = None
-        self.mass(0.0)
 
-    def mass(self, t: float) -> np.ndarray:
-        """Masses (u,) kg of the unknowns; one that stands for its mirror image too has the mass of both."""
+    def mass(self, t: float) -> "Mass":
+        """The masses of the unknowns; one that stands for its mirror image too has the mass of both."""
         return self._present(t)[0]
 
     def prepared(self, t: float) -> Prepared:
@@ -72,22 +116,8 @@ class Motion:
     def _present(self, t):
         if self._at is None or (self._at[0] != t and not self._constant):
             mass, chains = np.asarray(self._mass(t), float), self._chains(t)
-            self._at = t, (self._of_unknowns(mass), self.assembly.prepare(chains, self._loads(t)))
+            self._at = t, (Mass(self.assembly, mass), self.assembly.prepare(chains, self._loads(t)))
         return self._at[1]
-
-    def _of_unknowns(self, mass):
-        n = len(self.assembly.structure.nodes)
-        if mass.shape != (n,) or not np.all(np.isfinite(mass)):
-            raise ValueError(f"masses must be finite numbers, one for each of the {n} nodes.")
-        u = self.unknowns
-        bad = np.flatnonzero(mass < 0.0)
-        if not len(bad):
-            bad = np.flatnonzero((mass == 0.0) & (u.index.reshape(-1, 3) >= 0).any(axis=1))
-        if len(bad):
-            what = "negative mass" if mass[bad[0]] < 0.0 else "no mass but is free to move"
-            raise ValueError(f"node number {bad[0]} has {what}; in dynamics every free node needs a mass above zero.")
-        free = u.index >= 0
-        return np.bincount(u.index[free], np.repeat(mass, 3)[free], minlength=u.count)
 
     def at(self, x: np.ndarray, v: np.ndarray | None = None, t: float = 0.0) -> State:
         """The state with node positions x m and velocities v m/s (None: at rest), (n,3) each, at time t s."""
@@ -102,7 +132,7 @@ class Motion:
     def acceleration(self, q, v, t) -> np.ndarray:
         """Accelerations (u,) m/s^2 by Newton's second law."""
         elastic, damping, external = self.forces(q, v, t)
-        return (external - elastic - damping) / self.mass(t)
+        return self.mass(t).solve(external - elastic - damping)
 
     def forces(self, q, v, t):
         """Elastic, damping and external generalised forces (u,) N; the first two are internal, so act against."""
@@ -125,7 +155,7 @@ class Motion:
 
     def kinetic_energy(self, state: State) -> float:
         """m v^2 / 2 of all nodes, J."""
-        return float(0.5 * np.sum(self.mass(state.t) * state.v**2))
+        return 0.5 * float(state.v @ self.mass(state.t).times(state.v))
 
     def elastic_energy(self, state: State) -> float:
         """Strain energy of all elements, J."""
