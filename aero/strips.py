@@ -46,6 +46,12 @@ class Strips:
         behind = leading + THREE_QUARTER * (trailing - leading)
         return behind[:-1] + control_fractions(self.width)[:, None] * (behind[1:] - behind[:-1])
 
+    def pitch_rate(self, leading, trailing):
+        """Nose-up pitch rates (n,) rad/s of the strips, from the velocities (n+1,3) m/s of the sections' edges."""
+        across = leading - trailing
+        middle = across[:-1] + control_fractions(self.width)[:, None] * (across[1:] - across[:-1])
+        return np.einsum("ik,ik->i", middle, self.normal) / self.chord
+
 
 def control_fractions(width):
     """Where along each strip (n,) its control point lies, 0 to 1, from the strip widths (n,).

@@ -41,7 +41,7 @@ class WingLoads:
 class _Placed:
     """A wing in one shape and wind: `flow` through the strips `rows` that are solved for, of all `strips`.
 
-    `wake` (3,) is the direction of the wind, `extra_moment` (n,) the change of c_m by camber, if that counts.
+    `wake` (3,) is the direction of the wind, `extra_moment` (n,) the change of c_m by camber and pitching, if any.
     """
 
     nodes: np.ndarray
@@ -97,8 +97,9 @@ class VortexStep:
 
         With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored. With the
         `velocity` (s,3) m/s of the nodes every strip meets the wind minus its own velocity at its control point, at
-        three quarters of the chord, so that thin-airfoil theory holds for pitch rates too (quasi-steady: neither
-        shed vortices nor the inertia of the air); the wake goes with the wind.
+        three quarters of the chord, and pitching has the moment -pi q c / 8 U about the quarter chord: both as
+        thin-airfoil theory says for a steady pitch rate q (quasi-steady: without shed vortices and without the inertia
+        of the air). The wake goes with the wind.
         """
         at = self.placed(nodes, wind, symmetric, velocity)
         return self.loaded(at, self._solve(at.flow, None if start is None else start[at.rows]))
@@ -114,6 +115,9 @@ class VortexStep:
         rows = slice(n // 2, n) if symmetric else slice(0, n)
         if velocity is not None:
             moving = velocity[self.grid.sections]
+            rate = strips.pitch_rate(moving[:, 0], moving[:, -1])
+            damping = -0.125 * np.pi * rate * strips.chord / np.linalg.norm(wind)
+            extra = damping if extra is None else extra + damping
             wind = wind - strips.at_control(moving[:, 0], moving[:, -1])[rows]
         flow = self._flow(strips, wind, wake, rows, symmetric, zero_lift)
         return _Placed(nodes, strips, flow, wake, rows, symmetric, extra)
