@@ -88,7 +88,11 @@ class CoreFmu(ValueSlave):
 
     def _resource_core(self, resources: Path) -> Core:
         content = json.loads((resources / SCENE_FILE).read_text(encoding="utf-8"))
-        core = self.scene_core(scenes.load(resources / content["folder"], content["settings"]))
+        scene = scenes.load(resources / content["folder"], content["settings"])
+        if scene.moves:
+            stop, step = scene.content["dynamics"]["stop_time"], scene.communication_step
+            self.default_experiment = DefaultExperiment(start_time=0.0, stop_time=stop, step_size=step)
+        core = self.scene_core(scene)
         for name, value in content["parameters"].items():
             core.set(name, np.array(value, dtype=float))
         return core

@@ -113,7 +113,7 @@ def _scene_files(
     if tables is not None:
         steps = tables[0].count("\n") - 1
         files |= {f"documentation/{name}_{k}.csv": t.encode() for k, t in zip(("in", "ref"), tables, strict=True)}
-        files[f"documentation/{name}_ref.opt"] = options(steps).encode()
+        files[f"documentation/{name}_ref.opt"] = options(steps, scene.communication_step).encode()
     files["documentation/index.html"] = page(instance, scene, side, steps, own_binary() is not None, fmi).encode()
     files["model.png" if fmi == 2 else "terminalsAndIcons/icon.png"] = icon(scene, side)
     return files

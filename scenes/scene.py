@@ -99,6 +99,11 @@ class Scene:
         """Whether the scene is a motion through time, with masses, and not one of equilibria."""
         return self.content["dynamics"] is not None
 
+    @property
+    def communication_step(self) -> float:
+        """Usual communication step, s; in scenes of equilibria it is pseudo-time."""
+        return float(self.content["dynamics"]["communication_step"]) if self.moves else 1.0
+
     def structural_core(self):
         """The structural solver core of this scene."""
         if self.moves:

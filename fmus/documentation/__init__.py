@@ -33,14 +33,16 @@ def page(
     variables = [v for v, _ in instance.blocks.values()]
     shown = [v for v in variables if v.causality == "input" or v.name in INTERFACE]
     title = html.escape(instance.description or instance.title)
-    script = texts.SCRIPT.format(identifier=instance.modelName)
+    dt = 1.0 if scene is None else scene.communication_step
+    script = texts.SCRIPT.format(identifier=instance.modelName, step=dt)
     short = "" if steps == STEPS else "; a solver could not complete the next step"
     commas = any(len(v.shape) > 1 for v in variables if v.causality == "input")
-    reader = texts.NO_READER if commas else texts.READER.format(identifier=instance.modelName, steps=steps)
+    reader = texts.NO_READER if commas else texts.READER.format(identifier=instance.modelName, stop=steps * dt, step=dt)
     reference = texts.REFERENCE.format(
         reader=reader,
         identifier=instance.modelName,
         steps=steps,
+        step=dt,
         short=short,
         relative=RELATIVE,
         script=html.escape(script, quote=False),
@@ -147,21 +149,26 @@ def _structure(scene: Scene) -> str:
     }
     listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
     lines = "lines take tension only, and " if np.any(~two_way) else ""
-    return texts.STRUCTURE.format(counts=listed, weight=" and the weight", lines=lines)
+    text = texts.MOVING_STRUCTURE if scene.moves else texts.STRUCTURE
+    return text.format(counts=listed, weight=" and the weight", lines=lines)
 
 
 def _flow(scene: Scene) -> str:
     content, mesh = scene.content["aero"], scene.interface
+    moving = texts.MOVING_FLOW if scene.moves else ""
+    if scene.content["wing"] is None:
+        return texts.LINE_FLOW.format(lines=len(mesh.lines), moving=moving)
     method = "the vortex-step method (a lifting line)" if content["induction"] else "strip theory"
     lines = f"; and of {len(mesh.lines)} exposed pieces of lines" if len(mesh.lines) else ""
-    return texts.FLOW.format(method=method, strips=len(mesh.sections) - 1, lines=lines)
+    return texts.FLOW.format(method=method, strips=len(mesh.sections) - 1, lines=lines, moving=moving)
 
 
 def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
     """Order of exchange, signs, and a table for every kind of thing that an index counts."""
     blocks = instance.blocks
     loads = [f"<code>{name}</code>" for name in LOADS if name in blocks]
-    text = (texts.EXCHANGE if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
+    order = texts.IN_TIME if scene.moves else texts.EXCHANGE
+    text = (order if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
     if "trim_angle" in blocks and scene.pivot is not None:
         place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())
         pivot = html.escape(scene.members.labels[scene.pivot])
@@ -174,11 +181,13 @@ def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
 def _tables(blocks: Iterable[str], scene: Scene) -> Iterable[tuple[str, str, Rows]]:
     """Title, header and rows of the tables; what no block of the FMU is indexed by is left out."""
     mesh, members = scene.interface, scene.members
-    yield "Interface nodes: index i of displacement[i,·]", "i x y z", _numbered(mesh.nodes)
+    both = " and velocity[i,·]" if "velocity" in blocks else ""
+    yield f"Interface nodes: index i of displacement[i,·]{both}", "i x y z", _numbered(mesh.nodes)
     panels = "Panels: index i of " + " and ".join(
         f"{b}[i{k}]" for b, k in (("pressure", ""), ("shear", ",·")) if b in blocks
     )
-    yield f"{panels}; their corners are interface nodes", "i c1 c2 c3 c4", _numbered(mesh.panels + 1)
+    if len(mesh.panels):
+        yield f"{panels}; their corners are interface nodes", "i c1 c2 c3 c4", _numbered(mesh.panels + 1)
     if len(mesh.lines):
         lines = zip(mesh.lines + 1, mesh.diameter, members.leg_names, strict=True)
         title = "Exposed lines: index i of line_load[i,·]; from interface node to interface node"

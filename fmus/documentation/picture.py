@@ -171,7 +171,7 @@ def icon(scene: Scene | None, side: str) -> bytes:
     if scene is not None:
         axes = np.array([VIEWS[1][1], VIEWS[1][2]])
         edge = scene.interface.nodes[scene.interface.sections[:, 0]] @ axes.T
-        if side == "structural":
+        if side == "structural" or not len(edge):
             lines = _lines(scene) @ axes.T
         else:
             along = np.linspace(0.0, len(edge) - 1.0, 7)

@@ -11,19 +11,20 @@ from fmus.description import scalar_names
 from scenes import Scene
 from scenes.variables import StepFailed, Variable
 
-STEPS = 5  # communication steps of 1 s
+STEPS = 5  # communication steps: of 1 s, or what a scene of motion usually takes
 # To compare with on another machine. Rounding and the solvers' tolerances move results by some 1e-11 of a variable.
 RELATIVE = ABSOLUTE = 1e-6
 SOLVERS = ("residual", "newton_iterations")  # how a solver got there, no result: other on every machine
 LOADS = ("pressure", "shear", "line_load")  # what a flow gives a structure, as far as a scene has it
-INTERFACE = ("displacement", *LOADS)
+MOTION = ("displacement", "velocity")  # what a structure gives a flow, likewise
+INTERFACE = (*MOTION, *LOADS)
 
 
 def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     """Side -> inputs and results of its FMU as CSV texts, from a coupled exchange of the two solvers.
 
-    A row of inputs holds from its time on, for a step of 1 s; a row of results holds at its time, the first after the
-    initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps first, as
+    A row of inputs holds from its time on, for a communication step; a row of results holds at its time, the first
+    after the initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps first, as
     in the explicit scheme. Without a flow the panels are pressed by 1, 2, 3 Pa and so on. Where a solver cannot
     complete a step the tables end before it. Numbers are exact: the shortest that are read back to the same bits.
     """
@@ -33,20 +34,21 @@ def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, t
             if variable.name in parameters and variable.causality == "parameter":
                 core.set(variable.name, np.array(parameters[variable.name], dtype=float))
     structure, flow = cores["structural"], cores.get("aero")
+    dt = scene.communication_step
     if flow is not None:  # its first inputs are set while it is initialised
-        flow.set("displacement", structure.get("displacement"))
+        _shown(structure, flow)
     inputs: dict[str, list[list[Any]]] = {side: [] for side in cores}
     results = {side: [_row(core, 0.0, _results(core))] for side, core in cores.items()}
     try:
         for k in range(STEPS):
             if flow is not None:
-                flow.set("displacement", structure.get("displacement"))
-                _stepped(flow, k, inputs["aero"], results["aero"])
+                _shown(structure, flow)
+                _stepped(flow, k, dt, inputs["aero"], results["aero"])
                 for name in {v.name for v in flow.variables} & set(LOADS):
                     structure.set(name, flow.get(name))
             else:
                 structure.set("pressure", np.full_like(structure.get("pressure"), k + 1.0))
-            _stepped(structure, k, inputs["structural"], results["structural"])
+            _stepped(structure, k, dt, inputs["structural"], results["structural"])
     except StepFailed:
         pass  # nothing of the step that failed is in the tables
     return {
@@ -55,16 +57,22 @@ def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, t
     }
 
 
-def options(steps: int) -> str:
+def _shown(structure: Any, flow: Any) -> None:
+    """Give a flow the motion of a structure."""
+    for name in {v.name for v in flow.variables} & set(MOTION):
+        flow.set(name, structure.get(name))
+
+
+def options(steps: int, dt: float = 1.0) -> str:
     """Times, step and tolerances of results of so many steps, as the FMI cross-check rules name them."""
     named = {
         "StartTime": 0.0,
-        "StopTime": float(steps),
-        "StepSize": 1.0,
+        "StopTime": steps * dt,
+        "StepSize": dt,
         "RelTol": RELATIVE,
         "AbsTol": ABSOLUTE,
         "SolverType": "FixedStep",
-        "OutputIntervalLength": 1.0,
+        "OutputIntervalLength": dt,
     }
     return "".join(f"{name},{value}\n" for name, value in named.items())
 
@@ -78,11 +86,11 @@ def _results(core: Any) -> list[Variable]:
     return [v for v in outputs if (v.size <= 3 and v.name not in SOLVERS) or v.name in INTERFACE]
 
 
-def _stepped(core: Any, k: int, inputs: list[list[Any]], results: list[list[Any]]) -> None:
-    given = _row(core, float(k), _inputs(core))
-    core.step(float(k), 1.0)
+def _stepped(core: Any, k: int, dt: float, inputs: list[list[Any]], results: list[list[Any]]) -> None:
+    given = _row(core, k * dt, _inputs(core))
+    core.step(k * dt, dt)
     inputs.append(given)
-    results.append(_row(core, float(k + 1), _results(core)))
+    results.append(_row(core, (k + 1) * dt, _results(core)))
 
 
 def _row(core: Any, time: float, variables: Sequence[Variable]) -> list[Any]:

@@ -81,8 +81,15 @@ OF_FLOW = """exposed lines, where there are any, grey"""
 
 STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
 interface{weight}; {lines}pressure follows the deformed surface. There is no motion in time."""
+MOVING_STRUCTURE = """This FMU is its structure: {counts}, with masses on the nodes and dampers in the elements. Each
+step integrates the motion over the communication step under the loads on the interface{weight}; {lines}pressure follows the
+deformed surface. While <code>loads_vary</code> is true loads go linearly from those of the step before to the present
+ones, as suits masters that iterate; for those that step once, the explicit scheme, set it to false."""
 FLOW = """This FMU is the flow around it: {method} with section polars, in a uniform wind, on {strips} strips of the
-displaced wing{lines}. Each step finds the circulation, and from it the loads on every panel. The flow is steady."""
+displaced wing{lines}. Each step finds the circulation, and from it the loads on every panel. The flow is
+steady{moving}."""
+LINE_FLOW = """This FMU is the wind on {lines} exposed pieces of lines{moving}."""
+MOVING_FLOW = """, in the wind relative to each part, at the end of the step"""
 
 OWN_BINARY = """<p>Python 3.11 or newer with numpy and scipy; the versions that it was built with are in
 <code>documentation/externalDependencies.txt</code>. Hosts that are Python programs need nothing else if these are
@@ -110,8 +117,8 @@ DEPENDENCIES = """# This FMU runs in Python, which is not inside it: Python 3.11
 """
 
 REFERENCE = """<h2>Reference inputs and results</h2>
-<p><code>documentation/{identifier}_in.csv</code> holds the inputs of {steps} steps of 1 s, each row from its time on,
-<code>{identifier}_ref.csv</code> the results at its times, with the start values of this FMU{short}, and
+<p><code>documentation/{identifier}_in.csv</code> holds the inputs of {steps} steps of {step:g} s, each row from its time
+on, <code>{identifier}_ref.csv</code> the results at its times, with the start values of this FMU{short}, and
 <code>{identifier}_ref.opt</code> times, step and tolerances: files as in the FMI cross-check. On the machine where the
 FMU was built, a tool that does the same gets the same bits; elsewhere the last digits may differ: compare to
 {relative:g}, absolutely and of the largest value of the whole variable. What solvers tell of themselves (residual,
@@ -121,7 +128,7 @@ iterations) is left out. {reader}In the unpacked FMU, this compares with fmpy:</
 
 NO_READER = """Names of inputs have commas and stand in quotes, which fmpy's own reader of CSV files, and with it
 <code>fmpy simulate --input-file</code>, does not take. """
-READER = """<code>fmpy simulate {identifier}.fmu --stop-time {steps} --output-interval 1 --input-file
+READER = """<code>fmpy simulate {identifier}.fmu --stop-time {stop:g} --output-interval {step:g} --input-file
 {identifier}_in.csv --output-file out.csv</code> finds the results again, among all outputs. """
 
 SCRIPT = """import csv
@@ -138,7 +145,7 @@ def table(path):
 given, expected = (table(f"documentation/{identifier}_{{kind}}.csv") for kind in ("in", "ref"))
 names = list(expected.dtype.names)[1:]
 end = expected["time"][-1]
-found = fmpy.simulate_fmu(os.getcwd(), stop_time=end, output_interval=1.0, input=given, output=names)
+found = fmpy.simulate_fmu(os.getcwd(), stop_time=end, output_interval={step}, input=given, output=names)
 print("largest difference", max(np.abs(found[name] - expected[name]).max() for name in names))
 """
 
@@ -153,6 +160,13 @@ displacement that the structural one starts with. Give both FMUs the same value 
 + 0.35 (displacement − x) with x what the aerodynamic FMU got last, or take a master that accelerates (the command line
 of this project). A kite may have several equilibria (folded tips; rolled over, once <code>symmetric</code> is off or
 an input is not symmetric), so look at <code>CL</code> and <code>tip_span</code> of the one that was reached.</p>
+"""
+IN_TIME = """<h2>Order of exchange</h2>
+<p>Per communication step, as a master that steps in turn does it: give the aerodynamic FMU the
+<code>displacement</code> and <code>velocity</code> of the structural one and step it; give the structural FMU its {loads} and step it over the
+same time. Once a step is the explicit scheme, of first order in the step; repeated from saved states until the motion
+no longer changes it is the implicit one, of second order. The explicit scheme becomes unstable, however short the
+steps, where the air that moves with the structure (added mass) has more inertia than the structure itself.</p>
 """
 ALONE = """<h2>Without a flow</h2>
 <p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
