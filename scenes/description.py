@@ -191,6 +191,12 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
             f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
             "wing has a flow around its lines, or none)."
         )
+    soft = [k for k in ("springs", "canopy", "tubes") if k in content.get("structure", {})]
+    if not lacks and "wing" in absent and "aero" not in absent and soft:
+        raise SceneError(
+            f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines have "
+            f"a flow without it, and [structure] has {soft[0]})."
+        )
     for section, keys in _KNOWN.items():
         given = content.get(section, {})
         if section in absent:

@@ -24,9 +24,10 @@ def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, t
     """Side -> inputs and results of its FMU as CSV texts, from a coupled exchange of the two solvers.
 
     A row of inputs holds from its time on, for a communication step; a row of results holds at its time, the first
-    after the initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps first, as
-    in the explicit scheme. Without a flow the panels are pressed by 1, 2, 3 Pa and so on. Where a solver cannot
-    complete a step the tables end before it. Numbers are exact: the shortest that are read back to the same bits.
+    after the initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps
+    first, as in the explicit scheme. Without a flow the panels are pressed by 1, 2, 3 Pa and so on. Where a solver
+    cannot complete a step the tables end before it. Numbers are exact: the shortest that are read back to the same
+    bits.
     """
     cores = scene.cores()
     for core in cores.values():

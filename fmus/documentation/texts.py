@@ -82,9 +82,9 @@ OF_FLOW = """exposed lines, where there are any, grey"""
 STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
 interface{weight}; {lines}pressure follows the deformed surface. There is no motion in time."""
 MOVING_STRUCTURE = """This FMU is its structure: {counts}, with masses on the nodes and dampers in the elements. Each
-step integrates the motion over the communication step under the loads on the interface{weight}; {lines}pressure follows the
-deformed surface. While <code>loads_vary</code> is true loads go linearly from those of the step before to the present
-ones, as suits masters that iterate; for those that step once, the explicit scheme, set it to false."""
+step integrates the motion over the communication step under the loads on the interface{weight}; {lines}pressure
+follows the deformed surface. While <code>loads_vary</code> is true loads go linearly from those of the step before to
+the present ones, as suits masters that iterate; for those that step once, the explicit scheme, set it to false."""
 FLOW = """This FMU is the flow around it: {method} with section polars, in a uniform wind, on {strips} strips of the
 displaced wing{lines}. Each step finds the circulation, and from it the loads on every panel. The flow is
 steady{moving}."""
@@ -117,8 +117,8 @@ DEPENDENCIES = """# This FMU runs in Python, which is not inside it: Python 3.11
 """
 
 REFERENCE = """<h2>Reference inputs and results</h2>
-<p><code>documentation/{identifier}_in.csv</code> holds the inputs of {steps} steps of {step:g} s, each row from its time
-on, <code>{identifier}_ref.csv</code> the results at its times, with the start values of this FMU{short}, and
+<p><code>documentation/{identifier}_in.csv</code> holds the inputs of {steps} steps of {step:g} s, each row from its
+time on, <code>{identifier}_ref.csv</code> the results at its times, with the start values of this FMU{short}, and
 <code>{identifier}_ref.opt</code> times, step and tolerances: files as in the FMI cross-check. On the machine where the
 FMU was built, a tool that does the same gets the same bits; elsewhere the last digits may differ: compare to
 {relative:g}, absolutely and of the largest value of the whole variable. What solvers tell of themselves (residual,
@@ -163,10 +163,11 @@ an input is not symmetric), so look at <code>CL</code> and <code>tip_span</code>
 """
 IN_TIME = """<h2>Order of exchange</h2>
 <p>Per communication step, as a master that steps in turn does it: give the aerodynamic FMU the
-<code>displacement</code> and <code>velocity</code> of the structural one and step it; give the structural FMU its {loads} and step it over the
-same time. Once a step is the explicit scheme, of first order in the step; repeated from saved states until the motion
-no longer changes it is the implicit one, of second order. The explicit scheme becomes unstable, however short the
-steps, where the air that moves with the structure (added mass) has more inertia than the structure itself.</p>
+<code>displacement</code> and <code>velocity</code> of the structural one and step it; give the structural FMU its
+{loads} and step it over the same time. Once a step is the explicit scheme, of first order in the step; repeated from
+saved states until the motion no longer changes it is the implicit one, of second order. The explicit scheme becomes
+unstable, however short the steps, where the air that moves with the structure (added mass) has more inertia than the
+structure itself.</p>
 """
 ALONE = """<h2>Without a flow</h2>
 <p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the

@@ -8,6 +8,7 @@ import numpy as np
 from structural.assembly import Assembly
 from structural.chains import Chains
 from structural.statics import equilibrium
+from structural.stiffness import rounding_of_positions
 from structural.structure import Loads
 
 from .force_density import force_density_start
@@ -55,7 +56,8 @@ def form_finding(
     max_steps: int = 1000,
     scheme: ImplicitEuler | None = None,
 ) -> Form:
-    """The equilibrium of `chains` under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance.
+    """The equilibrium of `chains` under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance, or to what
+    rounding of the coordinates leaves.
 
     "equilibrium" is Newton's method on the static residual, and needs nothing else. The others step particles of
     `mass` kg (one, or (n,)) through pseudo-time with linearly implicit Euler steps of `step` s, `max_steps` at most:
@@ -70,6 +72,7 @@ def form_finding(
     for name, value in (("tolerance", atol), ("time step", step)):
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"the {name} must be a number above zero; it is {value:g}.")
+    atol = max(atol, rounding_of_positions(chains, float(np.abs(x0).max(initial=0.0))))
     if method == "equilibrium":
         return _balanced(assembly, chains, loads, x0, atol)
     if method != "viscous":

@@ -66,7 +66,7 @@ class _Equations:
     motion: Motion
     system: StepSystem
     begin: np.ndarray
-    scale: float = 0.0
+    scale: float | None = None
     mass: Mass = field(init=False)
 
     def __post_init__(self):
@@ -84,7 +84,8 @@ class _Equations:
         if rates is not None:
             data = data + s.cw * rates
         self.mass.add_to(data, self.diagonal, s.cm)
-        self.scale = max(self.scale, external + self.unknowns.norm(inertia))
+        if self.scale is None:  # of the first guess: one gone wild must not loosen the tolerance
+            self.scale = external + self.unknowns.norm(inertia)
         return r + inertia, self.matrix(data), self.scale
 
 
