@@ -96,8 +96,8 @@ def elastic_catenary(length, span, weight, stiffness, s):
 def tether_in_wind(factor=1.0, law="inclined", modulus=MODULUS, nodes=201):
     """Deflection m of validation 3 as a continuous elastic cable: a boundary-value problem, independent of particles.
 
-    With the unstretched arc length s, the tension (X, Z) and lambda = 1 + T / EA: dr/ds = lambda t, d(X, Z)/ds = -lambda
-    w, t = (X, Z)/T, w the drag per current length. `factor` multiplies the drag, `law` see `structural.Wind`.
+    With the unstretched arc length s, the tension (X, Z) and lambda = 1 + T / EA: dr/ds = lambda t, d(X, Z)/ds =
+    -lambda w, t = (X, Z)/T, w the drag per current length. `factor` multiplies the drag, `law` see `structural.Wind`.
     """
     ea = modulus * 0.25 * np.pi * DIAMETER**2
     q = 0.5 * AIR * DIAMETER * factor * DRAG * SPEED**2

@@ -26,6 +26,9 @@ SUBJECTS = (
     "v3_detailed",
     "hanging",
     "exchange",
+    "particle_cells",
+    "particle_validation",
+    "particle_steps",
 )
 
 

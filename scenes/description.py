@@ -194,8 +194,8 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
     soft = [k for k in ("springs", "canopy", "tubes") if k in content.get("structure", {})]
     if not lacks and "wing" in absent and "aero" not in absent and soft:
         raise SceneError(
-            f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines have "
-            f"a flow without it, and [structure] has {soft[0]})."
+            f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
+            f"have a flow without it, and [structure] has {soft[0]})."
         )
     for section, keys in _KNOWN.items():
         given = content.get(section, {})

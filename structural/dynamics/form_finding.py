@@ -56,8 +56,8 @@ def form_finding(
     max_steps: int = 1000,
     scheme: ImplicitEuler | None = None,
 ) -> Form:
-    """The equilibrium of `chains` under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance, or to what
-    rounding of the coordinates leaves.
+    """The equilibrium of `chains` under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance, or to
+    what rounding of the coordinates leaves.
 
     "equilibrium" is Newton's method on the static residual, and needs nothing else. The others step particles of
     `mass` kg (one, or (n,)) through pseudo-time with linearly implicit Euler steps of `step` s, `max_steps` at most:

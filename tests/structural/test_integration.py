@@ -77,8 +77,8 @@ def test_steps_under_error_control_meet_smaller_tolerances_with_smaller_errors(s
         assert result.finished
         errors.append(abs(_position(motion, result) - oscillation(1.0, c=1.0)))
         counts.append(result.steps)
-    # errors grow from some tolerance x steps: with tolerance^(p / (p + 1)) between
-    assert errors[1] < 0.3 * errors[0] ** 1.0 and errors[1] < 100.0 * 1e-6 * counts[1]
+    assert errors[1] < 0.3 * errors[0]  # of order p: tolerances differ by 100, errors by 100^(p / (p + 1)), 10 or 21
+    assert errors[1] < 100.0 * 1e-6 * counts[1]  # local errors add up, each at most the tolerance, with some phase
     assert counts[1] > 2 * counts[0]
 
 
@@ -110,7 +110,8 @@ def test_springs_of_1e9_newtons_per_metre_are_stable_with_steps_of_a_second(sche
     motion, x = particles(nodes, [0, n - 1], chain, dead=dead)
     result = integrate(motion, motion.at(x), 50.0, scheme, step=1.0, energy=True)
     x = motion.positions(result.state.q)
-    assert result.finished and result.steps == 50
+    assert result.finished
+    assert result.steps == 50
     assert np.abs(x - nodes).max() < 1e-3  # pulled by 1e6 N, it sags by 9.81 * 10 * 10 / 8 e6 m
     assert motion.kinetic_energy(result.state) < 50.0  # J of 9 kg, of 5e9 J/m^2 springs
 
@@ -175,5 +176,7 @@ def test_a_run_that_blows_up_ends_with_a_status_and_its_last_good_state():
     dead = np.array([[0.0, 0, 0], [1e308, 0, 0]])
     motion, x = particles([[0.0, 0, 0], [1.0, 0, 0]], [0], row(2, 1e-3, 0.0), dead=dead)
     result = integrate(motion, motion.at(x), 1e6, GeneralisedAlpha(0.5), step=1e3)
-    assert not result.finished and result.status == "newton_failed"
-    assert np.all(np.isfinite(result.state.q)) and "could not be solved" in result.message
+    assert result.status == "newton_failed"
+    assert not result.finished
+    assert np.all(np.isfinite(result.state.q))
+    assert "could not be solved" in result.message
