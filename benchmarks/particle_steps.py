@@ -11,7 +11,7 @@ from structural.dynamics import BDF2, GeneralisedAlpha, ImplicitEuler, Motion, i
 
 from .nets import saddle
 from .particle_models import G
-from .registry import Case, Fit, Outcome
+from .registry import Case, Curve, Fit, Outcome
 
 SCHEMES = {
     "linear implicit Euler": ImplicitEuler(linear=True),
@@ -63,7 +63,7 @@ def _steps(model, count):
         def work():
             end = integrate(motion, under_way, under_way.t + count * STEP, SCHEMES[series], STEP)
             columns = {"newton_iterations": end.newton_iterations / count, "unknowns": motion.unknowns.count}
-            return Outcome(0.0, columns, end.status)
+            return Outcome(0.0, columns, "converged" if end.finished else end.status)
 
         yield work
 
@@ -84,9 +84,9 @@ def _case(name, title, model, values, count):
         truth=lambda series, value: 0.0,
         bound=0.0,
         series=tuple(SCHEMES),
-        statuses=("finished",),
         repeats=5,
         memory=False,
+        plot=Curve("value", "time_s"),
         fit=Fit("value", "time_s", f"time of {count} steps ~ particles", least=1000),
         labels={"newton_iterations": "Newton iterations a step", "unknowns": "unknowns"},
         note=f"Times are those of {count} steps of {1e3 * STEP:g} ms.",

@@ -146,7 +146,7 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
     "trim": {"lowest_deg": (_number(), -5.0), "highest_deg": (_number(), 25.0)},
     "dynamics": {
         "scheme": (_choice(*INTEGRATION), "generalised-alpha"),
-        "spectral_radius": (_number(low=0.0, high=1.0), 0.5),
+        "spectral_radius": (_number(low=0.0, high=1.0), 0.0),
         "longest_step": (_number(above=0.0), 0.01),
         "communication_step": (_number(above=0.0), 0.02),
         "stop_time": (_number(above=0.0), 10.0),

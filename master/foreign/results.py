@@ -1,17 +1,16 @@
 """What `kitecosim couple` leaves behind: rows while it runs, and tables, a plot and a summary at its end."""
 
-import csv
-import os
 from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
-from typing import IO, TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from master.foreign.document import Document
 from master.march import Steps
+from master.report.record import POINTS, Curve, Rows
 from master.report.tables import versions, write_json, write_whole
 
 if TYPE_CHECKING:
@@ -21,47 +20,8 @@ if TYPE_CHECKING:
 
 PLOTS = ("results.png", "results.svg")
 RESULTS = ("results.csv", "steps.csv", "summary.json", *PLOTS)  # all files that a run may write
-POINTS = 2000  # most of a curve in the plot
 PANELS = 6  # most blocks in the plot
 NO_PLOT = "no plot, because matplotlib is not installed; pip install 'kitecosim[report]' brings it."
-
-
-class Rows:
-    """A CSV file written row by row under a temporary name; `close` gives it its own, whatever has happened."""
-
-    def __init__(self, path: Path, header: list[str]) -> None:
-        self._path, self._temporary = path, path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        self._file: IO[str] = self._temporary.open("w", encoding="utf-8", newline="")
-        self._writer = csv.writer(self._file, lineterminator="\n")
-        self._writer.writerow(header)
-
-    def add(self, row: list[Any]) -> None:
-        """One row more; floats keep all their digits."""
-        self._writer.writerow(row)
-
-    def close(self) -> None:
-        """The end of the file; once is enough."""
-        if not self._file.closed:
-            self._file.close()
-            self._temporary.replace(self._path)
-
-
-class Curve:
-    """Values over time for a plot, thinned out by half whenever they are more than POINTS."""
-
-    def __init__(self) -> None:
-        self.times: list[float] = []
-        self.values: list[np.ndarray] = []
-        self._stride, self._seen = 1, 0
-
-    def add(self, time: float, values: np.ndarray) -> None:
-        """One point more."""
-        if self._seen % self._stride == 0:
-            self.times.append(time)
-            self.values.append(values)
-        self._seen += 1
-        if len(self.times) > POINTS:
-            self.times, self.values, self._stride = self.times[::2], self.values[::2], 2 * self._stride
 
 
 class Recorder:

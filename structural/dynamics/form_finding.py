@@ -12,9 +12,9 @@ from structural.stiffness import rounding_of_positions
 from structural.structure import Loads
 
 from .force_density import force_density_start
-from .integration import linear_step
 from .motion import Motion, State
 from .schemes import ImplicitEuler
+from .steps import linear_step
 
 Method = Literal["equilibrium", "viscous", "kinetic", "kinetic-q"]
 METHODS = ("equilibrium", "viscous", "kinetic", "kinetic-q")

@@ -1,20 +1,14 @@
 """The time loop: steps of a scheme, each solved to its tolerance, of fixed size or as an error estimate allows."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse.linalg as spla
 
-from structural.statics import NewtonSolve
-from structural.stiffness import rounding_of_positions
+from .motion import Motion, State
+from .schemes import Scheme
+from .steps import StepSolver
 
-from .motion import Mass, Motion, State
-from .schemes import ImplicitEuler, Scheme, StepSystem
-
-# Newton iterations of one step: more than one ever needs whose size suits the motion. What takes longer, as a stiff
-# line that becomes taut while it turns, is found sooner in two halves.
-STEP_ITERATIONS = 20
 # A step that cannot be solved is halved so often before the run ends.
 HALVINGS = 12
 # Bounds and safety factor of the change of size from step to step, as usual for one-step error control.
@@ -59,78 +53,6 @@ class Integration:
         return self.status == "finished"
 
 
-@dataclass(eq=False)
-class _Equations:
-    """The system of a step in the form that the equilibrium engine solves; it takes the place of an assembly."""
-
-    motion: Motion
-    system: StepSystem
-    begin: np.ndarray
-    scale: float | None = None
-    mass: Mass = field(init=False)
-
-    def __post_init__(self):
-        a = self.motion.assembly
-        self.unknowns, self.diagonal, self.matrix = a.unknowns, a.diagonal, a.matrix
-        self.mass = self.motion.mass(self.system.t)
-
-    def moved(self, d, rotations, step):
-        return d + step, rotations
-
-    def residual_and_tangent(self, d, _prepared, _rotations):
-        s = self.system
-        r, data, rates, external = self.motion.evaluated(self.begin + d, s.cw * (d - s.dw), s.t)
-        inertia = s.cm * self.mass.times(d - s.da)
-        if rates is not None:
-            data = data + s.cw * rates
-        self.mass.add_to(data, self.diagonal, s.cm)
-        if self.scale is None:  # of the first guess: one gone wild must not loosen the tolerance
-            self.scale = external + self.unknowns.norm(inertia)
-        return r + inertia, self.matrix(data), self.scale
-
-
-def _solved(motion, scheme, state, h, atol, rtol):
-    """State after a step of h s, and Newton iterations; None for the state where the step has no solution found."""
-    if isinstance(scheme, ImplicitEuler) and scheme.linear:
-        return linear_step(motion, scheme, state, h), 1
-    system = scheme.system(state, h)
-    chains = motion.chains(system.t)
-    rounding = rounding_of_positions(chains, float(np.abs(motion.positions(state.q)).max(initial=0.0)))
-    flight = float(np.abs(system.start).max(initial=0.0))
-    count = 0
-    for start in (system.start, np.zeros_like(state.q)):
-        equations = _Equations(motion, system, state.q)
-        solve = NewtonSolve(equations, None, chains, (start, None), max(atol, rounding), rtol, max(1.0, 4.0 * flight))
-        solve.run(STEP_ITERATIONS)
-        count += len(solve.norms) - 1
-        if solve.status == "converged":
-            return scheme.advanced(state, h, solve.at[0]), count
-    return None, count
-
-
-def linear_step(motion, scheme, state, h):
-    """State after (M + h C + h^2 K) dv = -h (R + h K v), forces at the beginning of the step of h s, loads at its end
-    (PSM thesis eq. 5.11); None if that is singular.
-    """
-    r, data, rates, _ = motion.evaluated(state.q, state.v, state.t + h, scheme.isotropic)
-    a = motion.assembly
-    b = -h * (r + h * (a.matrix(data) @ state.v))
-    system = h * h * data
-    if rates is not None:
-        system = system + h * rates
-    motion.mass(state.t + h).add_to(system, a.diagonal, 1.0)
-    if scheme.solver == "bicgstab":
-        dv, _ = spla.bicgstab(a.matrix(system), b, rtol=1e-5, atol=1e-5, maxiter=100_000)
-    else:
-        try:
-            options = {"SymmetricMode": True}
-            dv = spla.splu(a.matrix(system), permc_spec="NATURAL", diag_pivot_thresh=1e-6, options=options).solve(b)
-        except RuntimeError:  # exactly singular
-            return None
-    v = state.v + dv
-    return State(state.t + h, state.q + h * v, v, dv / h)
-
-
 def integrate(
     motion: Motion,
     state: State,
@@ -173,7 +95,8 @@ def integrate(
 class _Run:
     def __init__(self, motion, scheme, state, stop, atol, rtol, energy, callback):
         self.motion, self.scheme, self.state, self.stop = motion, scheme, state, stop
-        self.atol, self.rtol, self.callback = atol, rtol, callback
+        self.callback = callback
+        self._solve = StepSolver(motion, scheme, atol, rtol)
         self.steps = self.rejected = self.iterations = 0
         self.status, self.message = "finished", ""
         self.step = stop - state.t
@@ -192,7 +115,7 @@ class _Run:
         return False
 
     def _tried(self, h):
-        new, count = _solved(self.motion, self.scheme, self.state, h, self.atol, self.rtol)
+        new, count = self._solve(self.state, h)
         self.iterations += count
         if new is not None and not (np.all(np.isfinite(new.q)) and np.all(np.isfinite(new.v))):
             new = None

@@ -80,10 +80,12 @@ class GeneralisedAlpha:
     """Generalised-alpha method (Chung and Hulbert 1993): order 2, with the damping of high frequencies in hand.
 
     `spectral_radius` (0 to 1) is what a step leaves of an oscillation that it does not resolve at all: 1 keeps all
-    energy of linear systems, 0 takes it in one step. Forces are taken at one point within the step.
+    energy of linear systems, 0 takes it in one step. Forces are taken at one point within the step. Stiff lines that
+    go slack and become taut again within steps that do not resolve them need 0 (or BDF2): with more than that a
+    rebound may return more energy than it got.
     """
 
-    spectral_radius: float = 0.5
+    spectral_radius: float = 0.0
     order = 2
 
     def __post_init__(self):

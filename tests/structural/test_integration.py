@@ -127,7 +127,7 @@ def test_a_heavy_particle_that_jerks_a_slack_line_taut_comes_to_rest_on_it():
         assert motion.positions(result.state.q)[1, 2] == pytest.approx(-1.0 - 98.1 / 1e5, abs=1e-4)
 
 
-@pytest.mark.parametrize("scheme", [GeneralisedAlpha(0.5), GeneralisedAlpha(0.0), BDF2()], ids=str)
+@pytest.mark.parametrize("scheme", [GeneralisedAlpha(0.0), BDF2()], ids=str)
 def test_a_pendulum_on_a_stiff_line_keeps_its_energy_and_the_period_of_the_elliptic_integral(scheme):
     from scipy.special import ellipk
 

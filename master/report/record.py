@@ -1,0 +1,48 @@
+"""What a run through time leaves while it goes on: rows of a CSV file, and curves for its plots."""
+
+import csv
+import os
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+POINTS = 2000  # most of a curve in a plot
+
+
+class Rows:
+    """A CSV file written row by row under a temporary name; `close` gives it its own, whatever has happened."""
+
+    def __init__(self, path: Path, header: list[str]) -> None:
+        self._path, self._temporary = path, path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        self._file: IO[str] = self._temporary.open("w", encoding="utf-8", newline="")
+        self._writer = csv.writer(self._file, lineterminator="\n")
+        self._writer.writerow(header)
+
+    def add(self, row: list[Any]) -> None:
+        """One row more; floats keep all their digits."""
+        self._writer.writerow(row)
+
+    def close(self) -> None:
+        """The end of the file; once is enough."""
+        if not self._file.closed:
+            self._file.close()
+            self._temporary.replace(self._path)
+
+
+class Curve:
+    """Values over time for a plot, thinned out by half whenever they are more than POINTS."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.values: list[np.ndarray] = []
+        self._stride, self._seen = 1, 0
+
+    def add(self, time: float, values: np.ndarray) -> None:
+        """One point more."""
+        if self._seen % self._stride == 0:
+            self.times.append(time)
+            self.values.append(values)
+        self._seen += 1
+        if len(self.times) > POINTS:
+            self.times, self.values, self._stride = self.times[::2], self.values[::2], 2 * self._stride

@@ -1,0 +1,155 @@
+"""A scene in motion through time: the two participants coupled by what they have in common."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from master.exchange import Connection, Exchange, Order
+from master.fixed_point import FixedPointResult
+from master.march import GOOD, MarchResult, Steps, march
+from master.participants import Participant
+from master.schemes import SCHEMES, scheme
+from master.transient.inputs import Inputs
+
+# The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
+FLOW, STRUCTURE = "aero", "structural"
+MOTION = ("displacement", "velocity")
+Follower = Callable[[float, "Simulation"], object]
+
+
+@dataclass(eq=False)
+class Simulation:
+    """A run under way or at its end: `time` s reached, "status" and `message` as of `master.march.MarchResult`, the
+    `steps`, evaluations of the coupled step, `seconds` of each participant, and `blocks`: side -> block -> present values.
+    """
+
+    participants: dict[str, Participant]
+    time: float = 0.0
+    status: str = "converged"
+    message: str = ""
+    steps: Steps = field(default_factory=Steps)
+    evaluations: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every communication step converged."""
+        return self.status in GOOD
+
+    @property
+    def blocks(self) -> dict[str, dict[str, np.ndarray]]:
+        """Present values of all blocks of both sides."""
+        return {side: {block: p.get(block) for block in p.blocks} for side, p in self.participants.items()}
+
+
+def exchange_of(participants: Mapping[str, Participant], step: float) -> Exchange:
+    """Both participants, connected by every output of one that is an input of the other, by name."""
+    connections = [
+        Connection(source, block, target, block)
+        for source, a in participants.items()
+        for target, b in participants.items()
+        if source != target
+        for block, causality in a.causality.items()
+        if causality == "output" and b.causality.get(block) == "input"
+    ]
+    return Exchange(participants, connections, dt=step, rollback=True)
+
+
+def tolerances(exchange: Exchange, order: Order, tolerance: float) -> dict[str, float]:
+    """Of every field that is iterated: `tolerance` m for displacements, what changes by that within the communication
+    step for velocities, and a millionth of the newtons per metre of tolerance for loads (parallel order only).
+    """
+    of = {"displacement": tolerance, "velocity": tolerance / exchange.dt}
+    return {name: of.get(name.partition(".")[2], 1e6 * tolerance) for name in exchange.fields(order)}
+
+
+def simulate(
+    participants: Mapping[str, Participant],
+    stop_time: float,
+    step: float,
+    scheme_name: str = "iqn-ils",
+    order: Order = "serial",
+    tolerance: float = 1e-6,
+    max_iterations: int = 50,
+    inputs: Inputs | None = None,
+    follower: Follower | None = None,
+    **parameters: Any,
+) -> Simulation:
+    """Step a structure in motion and the flow around it from 0 to `stop_time` s in communication steps of `step` s.
+
+    `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
+    once; its loads act all through the step (the structure's loads_vary is set to 0). The others repeat a step until
+    the motion changes by no more than `tolerance` m; `parameters` are those of the scheme. `inputs` go through time;
+    `follower(time, simulation)` is called at the start and after every step. ValueError in one sentence for bad input;
+    a step that cannot be solved ends the run with its status.
+    """
+    run = Simulation(dict(participants))
+    structure = run.participants[STRUCTURE]
+    explicit = scheme_name == "explicit"
+    if "loads_vary" in structure.blocks:
+        structure.set("loads_vary", np.array(0.0 if explicit else 1.0))
+    if inputs is not None:
+        inputs.require(run.participants)
+        inputs.apply(run.participants, step)
+    if FLOW not in run.participants:
+        return _alone(run, structure, stop_time, step, inputs, follower)
+    flow = run.participants[FLOW]
+    for block in MOTION:
+        if flow.causality.get(block) == "input" and block in structure.blocks:
+            flow.set(block, structure.get(block))
+    exchange = exchange_of(run.participants, step)
+    used = None if explicit else scheme(scheme_name, exchange, order, **parameters)
+    if SCHEMES[scheme_name].exact:
+        raise ValueError(f"scheme {scheme_name} takes derivatives of equilibria; choose another for a scene in motion.")
+    if follower is not None:
+        follower(0.0, run)
+
+    def accepted(time: float, found: FixedPointResult) -> None:
+        run.time = time
+        run.evaluations = exchange.evaluations
+        if inputs is not None:
+            inputs.apply(run.participants, time + step)
+        if follower is not None:
+            follower(time, run)
+
+    def hold(now: Any) -> None:
+        run.steps = now.steps
+
+    result: MarchResult = march(
+        exchange, used, stop_time, order, atol=1.0 if explicit else tolerances(exchange, order, tolerance), rtol=0.0,
+        max_iterations=max_iterations, callback=accepted, hold=hold,
+    )  # fmt: skip
+    run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
+    run.evaluations, run.seconds = result.evaluations, result.seconds
+    return run
+
+
+def _alone(
+    run: Simulation, structure: Participant, stop: float, step: float, inputs: Inputs | None, follower: Follower | None
+) -> Simulation:
+    """A structure without a flow."""
+    import time as clock
+
+    count = round(stop / step)
+    if abs(count * step - stop) > 1e-6 * step:
+        raise ValueError(f"from 0 s to {stop:g} s is no whole number of steps of {step:g} s.")
+    run.message = f"All {count} communication steps were made."
+    begin = clock.perf_counter()
+    if follower is not None:
+        follower(0.0, run)
+    for k in range(count):
+        try:
+            structure.step(k * step, step)
+        except ArithmeticError as error:
+            run.status, run.message = "diverged", f"Communication step {k + 1}, from {k * step:g} s: {error}"
+            break
+        run.time, run.evaluations = (k + 1) * step, k + 1
+        run.steps.append(run.time, "converged", 1, 0.0, 0)
+        if inputs is not None:
+            inputs.apply(run.participants, run.time + step)
+        if follower is not None:
+            follower(run.time, run)
+    run.seconds = {STRUCTURE: clock.perf_counter() - begin}
+    return run
