@@ -134,7 +134,7 @@ def solve(flow, start):
     """
     free = flow.free_stream
     fastest = np.linalg.norm(free) if free.ndim == 1 else np.linalg.norm(free, axis=1).max()
-    scale = 0.5 * np.max(flow.strips.chord) * fastest * np.sqrt(len(start))
+    scale = 0.5 * np.max(flow.strips.chord) * (fastest or 1.0) * np.sqrt(len(start))  # 1: strips at rest in the air
     gamma, count = _newton(flow, start, scale)
     used = 0.0
     if _relative(flow, gamma, scale) > ACCEPTED:

@@ -97,9 +97,9 @@ class VortexStep:
 
         With `symmetric` only the half of the strips with y > 0 is solved and the other half mirrored. With the
         `velocity` (s,3) m/s of the nodes every strip meets the wind minus its own velocity at its control point, at
-        three quarters of the chord, and pitching has the moment -pi q c / 8 U about the quarter chord: both as
-        thin-airfoil theory says for a steady pitch rate q (quasi-steady: without shed vortices and without the inertia
-        of the air). The wake goes with the wind.
+        three quarters of the chord, and pitching has the c_m -pi q c / 8 U about the quarter chord, U the speed of the
+        air that the strip meets: both as thin-airfoil theory says for a steady pitch rate q (quasi-steady: without
+        shed vortices and without the inertia of the air). The wake goes with the wind.
         """
         at = self.placed(nodes, wind, symmetric, velocity)
         return self.loaded(at, self._solve(at.flow, None if start is None else start[at.rows]))
@@ -115,10 +115,12 @@ class VortexStep:
         rows = slice(n // 2, n) if symmetric else slice(0, n)
         if velocity is not None:
             moving = velocity[self.grid.sections]
+            wind = wind - strips.at_control(moving[:, 0], moving[:, -1])
+            speed = np.linalg.norm(wind, axis=1)
             rate = strips.pitch_rate(moving[:, 0], moving[:, -1])
-            damping = -0.125 * np.pi * rate * strips.chord / np.linalg.norm(wind)
+            damping = -0.125 * np.pi * rate * strips.chord / np.where(speed > 0.0, speed, np.inf)
             extra = damping if extra is None else extra + damping
-            wind = wind - strips.at_control(moving[:, 0], moving[:, -1])[rows]
+            wind = wind[rows]
         flow = self._flow(strips, wind, wake, rows, symmetric, zero_lift)
         return _Placed(nodes, strips, flow, wake, rows, symmetric, extra)
 
@@ -146,6 +148,7 @@ class VortexStep:
             along = part.span @ wind if wind.ndim == 1 else np.einsum("ik,ik->i", part.span, wind)
             across = wind - along[:, None] * part.span
             far = np.sqrt(np.einsum("ik,ik->i", across, across))
+            far = np.where(far.real > 0.0, far, np.inf)  # strips at rest in the air have no circulation
         shift = None if zero_lift is None else -zero_lift[rows]
         polars = self.polars.of(rows)
         return SectionFlow(influence, wind, part, polars, far_speed=far, from_middle=middle, shift=shift)

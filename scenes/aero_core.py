@@ -61,6 +61,7 @@ class AeroCore(FlowCore):
         if line_load is not None:
             yield line_load
         area = f"of the wing on the reference area {content['reference_area']:g} m2"
+        area += " and wind_speed, without gusts" if self._scene.moves else ""
         yield output("CL", description=f"lift coefficient {area}")
         yield output("CD", description=f"drag coefficient {area}")
         yield output("CS", description=f"side force coefficient {area}")
@@ -105,8 +106,7 @@ class AeroCore(FlowCore):
             try:
                 self._solve()
             except StepFailed:  # no loads then; the first step says why
-                for name in self._outputs:
-                    self._put(name, self._by_name[name].start)
+                self._put_starts()
         return super().get(block)
 
     def set(self, block: str, values: Any) -> None:
@@ -133,9 +133,12 @@ class AeroCore(FlowCore):
         (k,3) N/m}, those that the scene has. Exact to rounding: the circulation follows by the implicit function
         theorem, all else by complex steps (`aero.WingSensitivity`); artificial viscosity counts where the loads
         contain it. Where one half is solved, a direction is first made mirror-symmetric, because nothing else exists
-        for the half. It changes no state. ValueError in one sentence for directions that do not fit, and where the
-        present values have not been solved or their solution is a fold, which has no derivative.
+        for the half. It changes no state. ValueError in one sentence for directions that do not fit, where the
+        present values have not been solved or their solution is a fold, which has no derivative, and in scenes of
+        motion.
         """
+        if self._scene.moves:
+            raise ValueError("the flow around a wing in motion has no directional derivatives; use another scheme.")
         change = self._directions(changes).get("displacement", np.zeros_like(self._interface.nodes))
         nodes, direction, speed = self._present()
         symmetric = bool(self._values["symmetry_used"])
@@ -202,7 +205,8 @@ class AeroCore(FlowCore):
 
     def _show(self, nodes, direction, speed, loads, symmetric, dt):
         force = loads.total_force()
-        q_area = 0.5 * self._scalar("air_density") * speed**2 * self._scene.content["aero"]["reference_area"]
+        area, steady = self._scene.content["aero"]["reference_area"], self._scalar("wind_speed")
+        q_area = 0.5 * self._scalar("air_density") * steady**2 * area
         across = np.cross(direction, [0.0, 1.0, 0.0])
         across /= np.linalg.norm(across)
         self._put("pressure", loads.pressure)

@@ -30,6 +30,7 @@ class FlowCore(Core):
 
     def _declared(self, content):
         yield from self._inputs(content)
+        yield from self._line_parameters(content)
         yield from self._line_outputs()
 
     def _inputs(self, content):
@@ -121,9 +122,17 @@ class FlowCore(Core):
         """Let the wind be that at the end of a step."""
         if not self._scene.moves:
             return
+        interval, duration = self._scalar("gust_interval"), self._scalar("gust_duration")
+        if 0.0 < interval < duration:
+            raise StepFailed(
+                f"a gust of {duration:g} s is not over when the next begins after {interval:g} s; make gust_interval "
+                "longer or gust_duration shorter."
+            )
         speed = self._wind_at(t + dt)
         if not speed > 0.0:
-            raise StepFailed(f"the wind speed would be {speed:.3g} m/s at {t + dt:.6g} s; make gust_speed smaller.")
+            raise StepFailed(
+                f"the wind speed would be {speed:.3g} m/s at {t + dt:.6g} s; gust_speed must be above -wind_speed."
+            )
         if speed != self._scalar("present_wind_speed"):
             self._put("present_wind_speed", speed)
             self._stale = True
@@ -133,6 +142,11 @@ class FlowCore(Core):
     def _remembers(self):
         """Whether loads depend on what the step before was."""
         return "added_mass_coefficient" in self._values and self._scalar("added_mass_coefficient") > 0.0
+
+    def _put_starts(self):
+        """Let the outputs be what they are before anything is known of the loads."""
+        for name in self._outputs - {"present_wind_speed"}:
+            self._put(name, self._by_name[name].start)
 
     def _passed(self, t, dt):
         """Note the end of a step."""
@@ -157,7 +171,7 @@ class FlowCore(Core):
         if self._scene.moves:
             own = self._values["velocity"][lines].mean(axis=1)
             wind = wind - own
-        load = line_loads(ends, *self._line_air(wind), law=self._law)
+        load = line_loads(ends, *self._line_air(wind))
         if self._remembers and dt > 0.0 and self._line_velocity is not None:
             load = load - self._inertia(ends, (own - self._line_velocity) / dt)
         force = load * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
@@ -178,21 +192,19 @@ class FlowCore(Core):
     def _line_air(self, wind):
         """What `line_loads` needs besides the ends of the lines."""
         air = (self._scalar(k) for k in ("air_density", "line_normal_drag", "line_friction"))
-        return self._interface.diameter, wind, *air
+        return self._interface.diameter, wind, *air, self._law
 
 
 class LineFlowCore(FlowCore):
     """Wind on the lines of a scene without a wing."""
 
-    def _declared(self, content):
-        yield from self._inputs(content)
-        yield from self._line_parameters(content)
-        yield from self._line_outputs()
-
-    def get(self, block):
+    def get(self, block: str) -> np.ndarray:
         """See `Core.get`. Before the first step the outputs are the loads on the lines as they start."""
         if self._fresh and self._stale and block in self._outputs:
-            self._look()
+            try:
+                self._look()
+            except StepFailed:  # no loads then; the first step says why
+                self._put_starts()
         return super().get(block)
 
     def _look(self, dt=0.0):

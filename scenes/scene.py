@@ -130,6 +130,11 @@ class Scene:
         if self.content["wing"] is None:
             from .flow import LineFlowCore
 
+            if not len(self.interface.lines):
+                raise SceneError(
+                    f"{self.name}/scene.toml: [aero] without [wing] is wind on lines, and none stands in it; let the "
+                    'setting line_drag be "on" and give [structure] lines, or drop [aero].'
+                )
             return LineFlowCore(self)
         from .aero_core import AeroCore
 

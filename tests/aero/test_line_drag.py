@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from aero import line_loads
+from aero import line_loads, line_loads_derivative
 
 WIND = np.array([12.0, 0.0, 0.0])
 DENSITY, DIAMETER = 1.225, 0.004
@@ -61,3 +61,47 @@ def test_loads_turn_with_wind_and_lines_and_do_not_care_which_end_is_first():
 
 def test_line_without_length_has_a_finite_load():
     assert np.all(np.isfinite(line_loads(np.ones((1, 2, 3)), [DIAMETER], WIND)))
+
+
+@pytest.mark.parametrize("law", ["inclined", "projected"])
+def test_line_meets_the_wind_minus_its_own_velocity(law):
+    rng = np.random.default_rng(2)
+    ends, own = rng.normal(size=(20, 2, 3)), rng.normal(size=(20, 3))
+    d = np.full(20, DIAMETER)
+    moving = line_loads(ends, d, WIND - own, law=law)
+    one_by_one = [line_loads(ends[k : k + 1], d[:1], WIND - own[k], law=law)[0] for k in range(20)]
+    assert np.array_equal(moving, one_by_one)
+    assert not line_loads(ends, d, WIND - np.tile(WIND, (20, 1)), law=law).any()
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 53.13010235415598, 90.0, 150.0])
+def test_projected_line_is_blown_along_the_wind_with_one_minus_the_cosine_of_its_area(degrees):
+    # particle system thesis eq. 4.7 and 4.8; at 53.13 degrees, of cosine 3/5 and sine 4/5, half of what geometry shows
+    theta = np.deg2rad(degrees)
+    end = 7.0 * np.array([np.cos(theta), 0.0, np.sin(theta)])
+    ends = np.array([[np.zeros(3), end], [end, np.zeros(3)]])
+    load = line_loads(ends, [DIAMETER] * 2, WIND, DENSITY, 1.22, 0.5, law="projected")
+    drag = PRESSURE_WIDTH * 1.22 * (1.0 - abs(np.cos(theta)))
+    assert load == pytest.approx(np.array([[drag, 0.0, 0.0]] * 2), abs=1e-14)  # rounding
+
+
+def test_both_laws_agree_on_a_line_across_the_wind():
+    ends = np.array([[[0.0, 0.0, 0.0], [0.0, 3.0, 4.0]]])
+    loads = [line_loads(ends, [DIAMETER], WIND, DENSITY, 1.22, 0.0, law=law) for law in ("inclined", "projected")]
+    assert loads[0] == pytest.approx(loads[1], rel=1e-15)
+
+
+@pytest.mark.parametrize("law", ["inclined", "projected"])
+def test_derivative_of_line_loads_is_that_of_central_differences(law):
+    rng = np.random.default_rng(4)
+    ends, direction = rng.normal(size=(2, 20, 2, 3))
+    air = np.full(20, DIAMETER), WIND, DENSITY, 1.1, 0.02, law
+    h = 1e-5  # differences: h^2 of the third derivative, and rounding over h, both below 1e-8 of the loads
+    difference = (line_loads(ends + h * direction, *air) - line_loads(ends - h * direction, *air)) / (2.0 * h)
+    exact = line_loads_derivative(ends, direction, *air)
+    assert exact == pytest.approx(difference, abs=1e-7 * np.abs(exact).max())
+
+
+def test_unknown_law_of_line_drag_is_refused():
+    with pytest.raises(ValueError, match=r"no law 'area'.*inclined, projected"):
+        line_loads(np.ones((1, 2, 3)), [DIAMETER], WIND, law="area")
