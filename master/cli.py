@@ -60,6 +60,12 @@ def run(
             "scheme, tolerances and tunable parameters may be others. What is not given is as in the checkpoint."
         ),
     ] = None,
+    stop_time: Annotated[float | None, typer.Option(help="Scenes in motion: end of the run in s.")] = None,
+    step: Annotated[float | None, typer.Option(help="Scenes in motion: communication step in s.")] = None,
+    inputs: Annotated[
+        Path | None,
+        typer.Option(help="Scenes in motion: CSV file with a column time and columns of parameters, linear between."),
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="Plot the residual in the terminal while it runs.")] = False,
 ) -> None:
     """Couple structure and flow of SCENE to equilibrium; print a table, write results and a report.
@@ -82,7 +88,15 @@ def run(
         "report": report,
     }
     _finish(
-        lambda: run_scene(scene, choices, _assignments(set_), out, Files(checkpoint, checkpoint_every, restart), live)
+        lambda: run_scene(
+            scene,
+            choices,
+            _assignments(set_),
+            out,
+            Files(checkpoint, checkpoint_every, restart),
+            live,
+            {"stop_time": stop_time, "step": step, "inputs": inputs},
+        )
     )
 
 
@@ -104,7 +118,7 @@ def build(
     ] = 2,
 ) -> None:
     """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
-    from master.commands import build_scene
+    from master.building import build_scene
 
     _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi))
 
@@ -238,7 +252,7 @@ def host_env(
     In a shell: eval "$(kitecosim host-env)". Hosts that are Python programs need nothing but numpy and scipy; a host
     that finds such a Python as python3 in its PATH needs nothing either.
     """
-    from master.commands import print_host_environment
+    from master.building import print_host_environment
 
     _finish(lambda: print_host_environment(preload))
 

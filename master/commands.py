@@ -1,8 +1,6 @@
 """What the commands of the command line do: from words to scenes, participants, runs and files."""
 
 import contextlib
-import shlex
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 from master import restart
 from master.coupling import Coupling
 from master.exchange import ORDERS
-from master.participants import FmuParticipant
+from master.participants import FmuParticipant, InProcessParticipant, Participant
 from master.report import (
     RESULTS,
     missing_libraries,
@@ -32,10 +30,6 @@ from master.schemes import SCHEMES, scheme
 from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
-OTHER_BINARY = (
-    "kitecosim: note: FMUs built here carry PythonFMU's binary, as that of kitecosim was not compiled when it was "
-    "installed (is there a C compiler?); a C or C++ host needs the variables of `kitecosim host-env --preload`."
-)
 
 
 def run_scene(
@@ -45,9 +39,25 @@ def run_scene(
     out: Path | None,
     files: restart.Files = restart.NO_FILES,
     live: bool = False,
+    motion: dict[str, Any] | None = None,
 ) -> int:
-    """Run a scene, print its table, write its files; the exit code."""
+    """Run a scene, print its table, write its files; the exit code.
+
+    `motion` are stop_time s, step s and the path inputs for a scene in motion, None what it says itself.
+    """
+    motion = {key: value for key, value in (motion or {}).items() if value is not None}
     _checked(choices)
+    if prepared(name, {}, trim=False)[0].moves:
+        from master.transient.command import run_moving
+
+        scene, given = prepared(name, assigned)
+        out = out or Path("results") / scene.name
+        results_folder(out)
+        sides = opened(scene, choices["backend"], given, out)
+        return run_moving(scene, given, choices, sides, out, files, live, **motion)
+    if motion:
+        option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
+        raise ValueError(f"{option} is for scenes in motion; scene '{name}' is one of equilibria.")
     begin = time.perf_counter()
     built, kept = assigned, []
     if files.restart is not None:
@@ -124,31 +134,6 @@ def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
     return out
 
 
-def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False, fmi: int = 2) -> int:
-    """Build the two FMUs of a scene, and its SSP if wanted; the exit code."""
-    from fmus.builder import build, own_binary
-    from fmus.ssp import package
-
-    if ssp and fmi != 2:
-        raise ValueError("--ssp connects FMUs of FMI 2; leave --fmi out.")
-    scene, given = prepared(name, assigned)
-    results_folder(out)
-    mark = "_fmi3" if fmi == 3 else ""
-    names = [f"{scene.name}{end}" for end in (f"_structural{mark}.fmu", f"_aero{mark}.fmu", *([".ssp"] if ssp else []))]
-    if folders := [n for n in names if (out / n).is_dir()]:
-        raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
-    try:
-        paths = build(scene, out, given, fmi=fmi)
-        for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
-            print(path)
-        if own_binary() is None:
-            print(OTHER_BINARY, file=sys.stderr)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ValueError(f"--out {out} cannot be written to ({reason}); name another one.") from None
-    return 0
-
-
 def results_folder(out: Path) -> None:
     """Make the folder for results; ValueError in one sentence if that cannot be."""
     if (out / "scene.toml").exists():
@@ -161,18 +146,6 @@ def results_folder(out: Path) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueError(f"--out {out} cannot be made a folder ({reason}); name another one.") from None
-
-
-def print_host_environment(preload: bool) -> int:
-    """Print what a host without Python needs in its environment, as lines of a shell."""
-    from fmus.builder import own_binary
-    from fmus.host import host_environment
-
-    for name, value in host_environment(preload).items():
-        print(f"export {name}={shlex.quote(value)}")
-    if own_binary() is None and not preload:
-        print(OTHER_BINARY, file=sys.stderr)
-    return 0
 
 
 def list_scenes(name: str | None = None) -> int:
@@ -230,7 +203,7 @@ def _plain(given: dict[str, Any]) -> dict[str, Any]:
     return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
-def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
+def prepared(name: str, assigned: dict[str, str], trim: bool = True) -> tuple[Any, dict[str, Any]]:
     """The scene with its settings, and its parameters: the assigned ones, checked, and the trim angle if it has one."""
     import scenes
 
@@ -251,7 +224,7 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
         for core, _ in owners:
             core.set(key, value)
         parameters[key] = value
-    return scene, scene.with_trim(parameters)
+    return scene, scene.with_trim(parameters) if trim else parameters
 
 
 def _number(key: str, text: str, variable: Any) -> Any:
@@ -267,14 +240,28 @@ def _number(key: str, text: str, variable: Any) -> Any:
 
 
 @contextlib.contextmanager
-def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
-    """The two participants of a scene, coupled; they are closed at the end."""
+def opened(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[dict[str, Participant]]:
+    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end."""
     with contextlib.ExitStack() as stack:
         if backend == "fmu":
             from fmus.builder import build
 
             paths = build(scene, out / "fmus", parameters, reference=False)
-            structural, *flow = (stack.enter_context(FmuParticipant(path)) for path in paths)
-            yield Coupling(structural, flow[0] if flow else StillAir.beside(structural))
+            fmus = [stack.enter_context(FmuParticipant(path)) for path in paths]
+            yield dict(zip(("structural", "aero"), fmus, strict=False))
         else:
-            yield Coupling.in_process(scene, parameters)
+            cores = scene.cores()
+            yield {
+                side: InProcessParticipant(core, {k: v for k, v in parameters.items() if k in core.names})
+                for side, core in cores.items()
+            }
+
+
+@contextlib.contextmanager
+def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
+    """The two participants of a scene of equilibria, coupled; they are closed at the end."""
+    if backend != "fmu":
+        yield Coupling.in_process(scene, parameters)
+        return
+    with opened(scene, backend, parameters, out) as sides:
+        yield Coupling(sides["structural"], sides.get("aero") or StillAir.beside(sides["structural"]))

@@ -45,6 +45,11 @@ class Core:
             twice = next(n for n in names if names.count(n) > 1)
             raise SceneError(f"{scene}/scene.toml: two variables are named '{twice}'; rename the tape or load.")
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all variables."""
+        return tuple(self._by_name)
+
     def set(self, block: str, values: Any) -> None:
         """Copy `values` into an input or parameter; `ValueError` in one sentence if they do not fit, nothing set
         then.

@@ -27,8 +27,8 @@ class MovingCore(StructuralCore):
     a two-step scheme remembers.
     """
 
-    _hidden = ("_x", "_v", "_a", "_past", "_before", "_lengths", "_fresh", "_solved", "_rotations")
-    _inert = ()
+    _hidden: tuple[str, ...] = ("_x", "_v", "_a", "_past", "_before", "_lengths", "_fresh", "_solved", "_rotations")
+    _inert: tuple[str, ...] = ()
 
     def __init__(self, scene):
         if scene.members.wing is not None:

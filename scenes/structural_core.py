@@ -35,8 +35,8 @@ EASED = 1e9
 class StructuralCore(Core):
     """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
 
-    _hidden = ("_x", "_fresh", "_solved", "_rotations")
-    _inert = ("solver_tolerance",)
+    _hidden: tuple[str, ...] = ("_x", "_fresh", "_solved", "_rotations")
+    _inert: tuple[str, ...] = ("solver_tolerance",)
 
     def __init__(self, scene):
         self._scene = scene
@@ -136,7 +136,8 @@ class StructuralCore(Core):
         for name, rows in self._loads.items():
             for node, direction in rows:
                 weight[node] += self._scalar(name) * direction
-        return Loads(self._values["pressure"], self._values.get("shear"), weight, self._values.get("line_load"))
+        pressure = self._values.get("pressure", np.zeros(0))
+        return Loads(pressure, self._values.get("shear"), weight, self._values.get("line_load"))
 
     def _is_held(self):
         return "hold_roll_and_yaw" in self._values and bool(self._values["hold_roll_and_yaw"])

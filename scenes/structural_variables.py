@@ -13,9 +13,10 @@ def structural_variables(scene, loads, tapes, mirrored):
     """
     content, m, interface = scene.content["structure"], scene.members, scene.interface
     panels, points = len(interface.panels), len(interface.nodes)
-    yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel, follower")
+    if panels:
+        yield Variable("pressure", (panels,), unit="Pa", description="net pressure on each interface panel, follower")
     aero = scene.content["aero"]
-    if aero is not None and aero["section_force"] != "normal":
+    if panels and aero is not None and aero["section_force"] != "normal":
         text = "traction on each interface panel, keeps its global direction"
         yield Variable("shear", (panels, 3), unit="Pa", description=text)
     if len(interface.lines):

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("structural", "aero", "scenes", "fmus", "master")
-COMMAND_LINE = ("master.cli", "master.commands", "master.__main__")
+COMMAND_LINE = ("master.cli", "master.commands", "master.building", "master.__main__")
 LONGEST_MODULE = 300  # lines; about 250 is the aim, the rest is for docstrings
 STANDARD_LIBRARY = sys.stdlib_module_names | {"__future__"}
 

@@ -13,8 +13,8 @@ from master.participants import Participant
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """Columns of a table over `times` (k,) s: name of a block of either side -> values (k,), linear between the rows and
-    held outside. A communication step gets the values at its end, to which tapes move in the course of it.
+    """Columns of a table over `times` (k,) s: name of a block of either side -> values (k,), linear between the rows
+    and held outside. A communication step gets the values at its end, to which tapes move in the course of it.
     """
 
     path: str
@@ -30,14 +30,18 @@ class Inputs:
         except OSError as error:
             raise ValueError(f"{path} cannot be read ({(error.strerror or str(error)).lower()}).") from None
         except (csv.Error, UnicodeDecodeError) as error:
-            raise ValueError(f"{path} is not a readable CSV file ({error}); save it as comma-separated UTF-8.") from None
+            raise ValueError(
+                f"{path} is not a readable CSV file ({error}); save it as comma-separated UTF-8."
+            ) from None
         header = [c.strip() for c in rows[0][1]] if rows else []
         if len(header) < 2 or header[0] != "time" or len(rows) < 2:
             raise ValueError(f"{path} must have a first row 'time,NAME,...' and at least one row of numbers; add them.")
         values = []
         for n, row in rows[1:]:
             if len(row) != len(header):
-                raise ValueError(f"{path} row {n} has {len(row)} cells where the header has {len(header)}; mend the row.")
+                raise ValueError(
+                    f"{path} row {n} has {len(row)} cells where the header has {len(header)}; mend the row."
+                )
             values.append([_number(path, n, name, cell) for name, cell in zip(header, row, strict=True)])
         table = np.array(values)
         back = np.flatnonzero(np.diff(table[:, 0]) <= 0.0)
@@ -75,5 +79,3 @@ def _number(path: Path, row: int, name: str, cell: str) -> float:
     if not math.isfinite(value):
         raise ValueError(f"{path} row {row}: {name} '{cell.strip()}' is not a finite number; correct the cell.")
     return value
-
-

@@ -22,7 +22,7 @@ Follower = Callable[[float, "Simulation"], object]
 @dataclass(eq=False)
 class Simulation:
     """A run under way or at its end: `time` s reached, "status" and `message` as of `master.march.MarchResult`, the
-    `steps`, evaluations of the coupled step, `seconds` of each participant, and `blocks`: side -> block -> present values.
+    `steps`, evaluations of the coupled step, `seconds` of each participant, and present values: `blocks`.
     """
 
     participants: dict[str, Participant]
@@ -40,7 +40,7 @@ class Simulation:
 
     @property
     def blocks(self) -> dict[str, dict[str, np.ndarray]]:
-        """Present values of all blocks of both sides."""
+        """Side -> block -> present values."""
         return {side: {block: p.get(block) for block in p.blocks} for side, p in self.participants.items()}
 
 
@@ -85,7 +85,7 @@ def simulate(
     `follower(time, simulation)` is called at the start and after every step. ValueError in one sentence for bad input;
     a step that cannot be solved ends the run with its status.
     """
-    run = Simulation(dict(participants))
+    run = Simulation({side: participants[side] for side in (FLOW, STRUCTURE) if side in participants})
     structure = run.participants[STRUCTURE]
     explicit = scheme_name == "explicit"
     if "loads_vary" in structure.blocks:
