@@ -191,12 +191,6 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
             f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
             "wing has a flow around its lines, or none)."
         )
-    soft = [k for k in ("springs", "canopy", "tubes") if k in content.get("structure", {})]
-    if not lacks and "wing" in absent and "aero" not in absent and soft:
-        raise SceneError(
-            f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
-            f"have a flow without it, and [structure] has {soft[0]})."
-        )
     for section, keys in _KNOWN.items():
         given = content.get(section, {})
         if section in absent:
@@ -205,6 +199,12 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
         if not isinstance(given, dict):
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
         checked[section] = _section(label, section, {**given, **changes.get(section, {})}, keys)
+    soft = [k for k in ("springs", "canopy", "tubes") if checked["structure"][k] is not None]
+    if checked["aero"] is not None and checked["wing"] is None and soft:
+        raise SceneError(
+            f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
+            f"have a flow without it, and [structure] has {soft[0]})."
+        )
     if checked["trim"] and checked["trim"]["lowest_deg"] >= checked["trim"]["highest_deg"]:
         raise SceneError(f"{label}: [trim] highest_deg must be above lowest_deg; correct one of them.")
     return checked, chosen

@@ -138,7 +138,7 @@ HANGING = {
         _both(_replaced(TOML, LOADS, ""), _replaced("loads.csv", "centre_load", "pressure")), ["'pressure'"]
     ),
     "wing without aero": (_appended(TOML, '\n[wing]\nsections = "a.csv"\npolars = "b.csv"\n'), ["[aero]", "flow"]),
-    "aero without wing or lines": (_appended(TOML, "\n[aero]\nwind_speed = 9\n"), ["[aero]", "[wing]", "line_drag"]),
+    "aero without wing": (_appended(TOML, "\n[aero]\nwind_speed = 9\n"), ["[aero]", "[wing]", "tubes"]),
     "trim without flow": (_appended(TOML, "\n[trim]\nlowest_deg = 1.0\n"), ["[aero]", "flow"]),
 }  # fmt: skip
 OTHERS = {
