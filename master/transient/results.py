@@ -151,8 +151,13 @@ def motion_figure(title: str, recorder: Recorder, run: Simulation) -> "Figure":
     picked("wind, m/s", ("present_wind_speed", "wind speed", 1.0))
     picked("angle, deg", ("alpha_mid", "angle of attack\nat mid span", 180.0 / np.pi))
     picked("span, m", ("tip_span", "between tips", 1.0))
-    picked("energy, J", ("kinetic_energy", "kinetic", 1.0), ("elastic_energy", "elastic", 1.0))
-    picked("energy, J", ("dissipated_energy", "dissipated", 1.0), ("numerical_loss", "numerically lost", 1.0))
+    picked("energy, J", ("elastic_energy", "elastic", 1.0), ("external_work", "put in by loads", 1.0))
+    picked(
+        "energy, J",
+        ("kinetic_energy", "kinetic", 1.0),
+        ("dissipated_energy", "dissipated", 1.0),
+        ("numerical_loss", "numerically lost", 1.0),
+    )
     looks: tuple[dict[str, Any], ...] = (
         {"color": DARK, "ls": "-"}, {"color": MIDDLE, "ls": "--"}, {"color": LIGHT, "ls": "-."},
     )  # fmt: skip
@@ -161,7 +166,7 @@ def motion_figure(title: str, recorder: Recorder, run: Simulation) -> "Figure":
         figure, axes = stacked(title, [1.2] * len(panels) + [0.9], labels, "time, s")
         for axis, (_, lines) in zip(axes, panels, strict=False):
             for k, (text, name, values) in enumerate(lines):
-                axis.plot(curves[name].times, values, label=text, **looks[k])
+                axis.plot(curves[name].times[1:], values[1:], label=text, **looks[k])  # before the first step: nothing
             legend_beside(axis)
         n = np.array(run.steps.iterations, float)
         stride = max(1, len(n) // 2000)
