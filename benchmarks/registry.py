@@ -29,6 +29,8 @@ SUBJECTS = (
     "particle_cells",
     "particle_validation",
     "particle_steps",
+    "particle_coupled",
+    "particle_kite",
 )
 
 
