@@ -95,6 +95,8 @@ class MovingCore(StructuralCore):
         """Tape -> rest lengths m at the beginning and at the end of the step."""
         out = {}
         for name, (length, parameter) in self._lengths.items():
+            if self._fresh:  # what was set before the first step is where it begins
+                length = parameter = self._scalar(name)
             end = length + self._scalar(name) - parameter + dt * self._scalar(f"{name}_rate")
             if end <= 0.0:
                 raise StepFailed(

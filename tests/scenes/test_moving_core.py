@@ -1,0 +1,204 @@
+"""The structure of scenes in motion: time, loads within a step, reeling, state, refusals."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from scenes import SceneError, load
+from scenes.variables import StepFailed
+from tests.scenes.broken import edited
+
+DT = 0.05
+
+
+def _tether(**parameters):
+    core = load("tether_in_wind").structural_core()
+    for name, value in parameters.items():
+        core.set(name, value)
+    return core
+
+
+def _blown(core, load_per_metre=0.1):
+    """Wind of so many N/m on all lines."""
+    core.set("line_load", np.tile([load_per_metre, 0.0, 0.0], (24, 1)))
+    return core
+
+
+def test_motion_begins_at_rest_and_the_balance_of_energies_closes():
+    core = _blown(_tether())
+    for k in range(40):
+        core.step(k * DT, DT)
+    kinetic, elastic, work, reeled, lost, numerical = (
+        float(core.get(f"{name}"))
+        for name in ("kinetic_energy", "elastic_energy", "external_work", "reeling_work", "dissipated_energy",
+                     "numerical_loss")
+    )  # fmt: skip
+    assert kinetic > 1.0  # J
+    assert reeled == 0.0
+    assert kinetic + elastic == pytest.approx(work - lost - numerical, rel=1e-9)
+    assert core.get("displacement").shape == core.get("velocity").shape == (25, 3)
+    assert np.array_equal(core.get("displacement")[:, 0], core.get("position")[:, 0])
+
+
+def test_the_velocity_is_the_rate_of_the_displacement():
+    core = _blown(_tether())
+    for k in range(20):
+        core.step(k * DT, DT)
+    before, v0 = core.get("displacement"), core.get("velocity")
+    core.step(20 * DT, 1e-3)
+    rate = (core.get("displacement") - before) / 1e-3
+    assert np.allclose(rate, 0.5 * (v0 + core.get("velocity")), atol=2e-3 * np.abs(rate).max())  # of second order
+
+
+def test_what_stays_as_it_was_is_a_longer_rest_of_the_same_motion():
+    """Two halves of a step under constant loads are the whole step: the integration steps are the same."""
+    whole, halves = (_blown(_tether(longest_step=0.0125, loads_vary=0.0)) for _ in range(2))
+    whole.step(0.0, 0.1)
+    halves.step(0.0, 0.05)
+    halves.step(0.05, 0.05)
+    # the second half begins with the acceleration of the present loads, which is the same to second order
+    assert np.allclose(whole.get("position"), halves.get("position"), atol=1e-5)
+
+
+def test_loads_that_vary_act_with_their_mean_over_the_step():
+    steady, varying = (_tether(gravity=0.0, longest_step=0.002) for _ in range(2))
+    for core in (steady, varying):
+        _blown(core, 0.0).step(0.0, DT)
+    varying.set("line_load", np.tile([0.2, 0.0, 0.0], (24, 1)))
+    varying.step(DT, DT)
+    steady.set("loads_vary", 0.0)
+    steady.set("line_load", np.tile([0.1, 0.0, 0.0], (24, 1)))
+    steady.step(DT, DT)
+    momentum = [core.get("velocity")[1:-1, 0].mean() for core in (varying, steady)]
+    assert momentum[0] == pytest.approx(momentum[1], rel=0.05)  # 25 steps, the first of them of first order
+
+
+def test_a_state_that_is_put_back_repeats_the_same_bits_in_another_process_too():
+    core = _blown(_tether(tether_length_rate=0.05))
+    for k in range(5):
+        core.step(k * DT, DT)
+    state = pickle.loads(pickle.dumps(core.save()))
+
+    def onward(solver):
+        _blown(solver, 0.15)
+        for k in range(5, 9):
+            solver.step(k * DT, DT)
+        return {name: solver.get(name).tobytes() for name in solver.names}
+
+    first = onward(core)
+    core.restore(state)
+    assert onward(core) == first
+    other = _tether()
+    other.restore(state)
+    assert onward(other) == first
+
+
+@pytest.mark.parametrize("integration", ["implicit-euler", "generalised-alpha", "bdf2"])
+def test_every_scheme_reaches_the_rest_that_the_loads_ask_for(integration):
+    core = load("tether_in_wind", {"integration": integration}).structural_core()
+    core.set("line_damping_time", 0.5)
+    _blown(core)
+    for k in range(400):
+        core.step(k * 0.25, 0.25)
+    tension = core.get("tension")
+    assert float(core.get("kinetic_energy")) < 0.05
+    assert core.get("support_force")[0] == pytest.approx(0.1 * 300.0, rel=1e-2)
+    assert tension.min() > 0.9 * tension.max()
+
+
+def test_reeling_out_at_a_rate_gives_line_out_evenly_and_its_mass_with_it():
+    core = _tether(gravity=9.81, tether_length_rate=0.5)
+    for k in range(20):
+        core.step(k * DT, DT)
+    assert float(core.get("tether_length_present")) == pytest.approx(300.5, rel=1e-12)
+    assert float(core.get("tether_length")) == 300.0
+    # weight of 300.5 m of 0.012 kg/m; ends that are held carry their half segments
+    weight = 300.5 * 0.012 * 9.81
+    momentum = core.get("support_force")
+    assert np.isfinite(momentum).all()
+    at_rest = _tether(gravity=9.81, start_in_equilibrium=1.0, tether_length=300.5)
+    at_rest.step(0.0, DT)
+    assert at_rest.get("support_force")[2] == pytest.approx(-weight, rel=1e-3)  # the length was set, with its mass
+
+
+def test_rest_length_that_would_become_negative_is_refused_and_nothing_is_lost():
+    core = _blown(_tether())
+    core.step(0.0, DT)
+    state = {name: core.get(name).tobytes() for name in core.names}
+    core.set("tether_length_rate", -1000.0)
+    with pytest.raises(StepFailed, match=r"rest length of tether_length would become -200 m at 0.55 s; reel in slower"):
+        core.step(DT, 0.5)
+    core.set("tether_length_rate", 0.0)
+    assert {name: core.get(name).tobytes() for name in core.names} == state
+    core.step(DT, DT)
+
+
+def test_work_of_reeling_is_what_the_tension_gives():
+    core = _tether(start_in_equilibrium=1.0, gravity=9.81, loads_vary=1.0)
+    core.step(0.0, 0.01)
+    tension = core.get("tension").mean()
+    core.set("tether_length_rate", -0.01)
+    core.step(0.01, 0.01)
+    # 1e-4 m at a tension that the step itself raises by EA / L times it
+    assert float(core.get("reeling_work")) == pytest.approx(tension * 1e-4, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("line_damping_time = 7.7e-4", "line_damping_time = -1.0", ["line_damping_time", "0 or more"]),
+        ("longest_step = 0.05", "longest_step = 0", ["longest_step", "above 0"]),
+        ("spectral_radius = 0.0", "spectral_radius = 1.5", ["spectral_radius", "from 0 to 1"]),
+        ('scheme = "generalised-alpha"', 'scheme = "leapfrog"', ["scheme", "implicit-euler"]),
+        ("line_density = 954.929659", "line_density = 0.0", ["nodes.csv", "no mass"]),
+        ('tether_length = ["segment_1"', 'tether_length = ["segment_99"', ["[structure.reels]", "segment_99"]),
+    ],
+)
+def test_tables_of_motion_that_cannot_be_are_refused_in_one_sentence(before, after, words, tmp_path):
+    folder = edited_copy(tmp_path, before, after)
+    with pytest.raises(SceneError) as error:
+        load(folder).structural_core()
+    message = str(error.value)
+    assert all(word in message for word in words), message
+    assert message.count("\n") == 0
+
+
+def edited_copy(tmp_path, before, after):
+    import shutil
+
+    folder = tmp_path / "tether"
+    shutil.copytree(load("tether_in_wind").folder, folder)
+    edited(folder, "scene.toml", before, after)
+    return folder
+
+
+def test_a_kite_in_motion_stays_symmetric_in_symmetric_wind_and_steers_when_a_tape_is_pulled():
+    core = load("v3_kite_dynamic").structural_core()
+    core.set("start_in_equilibrium", 0.0)
+    core.step(0.0, 0.02)
+    assert core.get("symmetry_used")
+    y = core.get("position")[:, 1]
+    core.set("steering_tape_left_length", float(core.get("steering_tape_left_length")) + 0.1)
+    core.step(0.02, 0.02)
+    assert not core.get("symmetry_used")
+    assert np.isfinite(y).all()
+
+
+def test_air_that_moves_with_the_wing_slows_it_along_its_normals_only():
+    from scenes.moving_core import MovingCore
+
+    core = load("v3_kite_dynamic").structural_core()
+    assert isinstance(core, MovingCore)
+    assert core._air_mass() is None
+    core.set("added_mass_coefficient", 1.0)
+    blocks = core._air_mass()
+    i = core._interface
+    edges = i.nodes[i.sections]
+    chord = np.linalg.norm(edges[:, -1] - edges[:, 0], axis=1)
+    quarter = edges[:, 0] + 0.25 * (edges[:, -1] - edges[:, 0])
+    width = np.linalg.norm(np.diff(quarter, axis=0), axis=1)
+    mass = np.sum(0.25 * np.pi * 1.225 * (0.5 * (chord[:-1] + chord[1:])) ** 2 * width)
+    # flat plates: rho pi c^2 / 4 per span; trapezoids and the spans of panels differ from it by some per cent
+    assert np.trace(blocks.sum(axis=0)) == pytest.approx(mass, rel=0.05)
+    assert np.all(np.linalg.eigvalsh(blocks) > -1e-12)
