@@ -15,11 +15,7 @@ from .text import lines, table
 END = 3.0  # s: the tether is on its way, over the kink where it becomes taut
 STEPS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 REFERENCE = 2.5e-4  # s, implicit, whose own error is a sixteenth of that of the finest step
-SCHEMES = {
-    "explicit": {},
-    "aitken": {"omega": 1.0},
-    "iqn-ils": {"omega0": 1.0},
-}
+SCHEMES = ("explicit", "aitken", "iqn-ils")
 # The tether starts blown out: without the jerk of becoming taut its motion is smooth, and orders show.
 SMOOTH = {"wind_speed": 6.0, "gust_speed": 3.0, "gust_duration": 4.0, "start_in_equilibrium": 1.0}
 FINE = 5e-3  # s, longest step of the integration where the communication step is longer
@@ -38,7 +34,7 @@ def coupled(scheme, step, tolerance=1e-9, end=END, parameters=None, **settings):
     """Simulation and positions m at the end of the tether in a gust, with communication steps of `step` s."""
     scene = load("tether_in_wind", settings)
     pair = sides(scene, SMOOTH | {"longest_step": min(step, FINE)} | (parameters or {}))
-    run = simulate(pair, end, step, scheme, "serial", tolerance, 60, **SCHEMES[scheme])
+    run = simulate(pair, end, step, scheme, "serial", tolerance, 60)
     return run, pair["structural"].get("position")
 
 
@@ -87,7 +83,7 @@ def _orders(quick):
 def _added_mass(_quick):
     """Ratio of masses -> how each scheme ends."""
     rows = []
-    for ratio in (0.5, 0.9, 1.1, 2.0, 10.0):
+    for ratio in (0.5, 0.9, 1.1, 1.5, 2.0, 10.0):
         row = [f"{ratio:g}"]
         for scheme in ("explicit", "aitken", "iqn-ils"):
             for step in (0.1, 0.01):
@@ -101,17 +97,17 @@ def _added_mass(_quick):
     heads += [f"{scheme}, {step:g} s" for scheme in ("explicit", "aitken", "iqn-ils") for step in (0.1, 0.01)]
     return lines(
         table(heads, rows),
-        "Deflection after 2 s and evaluations a step of a tether in wind whose air has inertia (added_mass_coefficient) "
-        "from the change of velocity over a step. The explicit scheme is unstable as soon as the air has more mass "
-        "than the tether, however short the step, as theory says (Causin, Gerbeau and Nobile 2005); implicit coupling "
-        "cures it.",
+        "Deflection after 2 s and evaluations a step of a tether in a gust whose air has inertia, from the change of "
+        "velocity over a step (added_mass_coefficient). Without damping the explicit scheme is unstable where the air has "
+        "more mass than the structure, however short the step (Causin, Gerbeau and Nobile 2005); here drag damps, so that "
+        "a tenth more does not show within 2 s. Implicit coupling cures it at every ratio.",
     )
 
 
 def with_added_mass(scheme, ratio, step, end=2.0):
     """Simulation and positions m of the tether where the air that moves with it has `ratio` times its mass."""
     coefficient = ratio * 0.012 / (1.225 * np.pi * 0.004**2 / 4.0)
-    return coupled(scheme, step, 1e-7, end, {"added_mass_coefficient": coefficient, "gust_speed": 0.0})
+    return coupled(scheme, step, 1e-7, end, {"added_mass_coefficient": coefficient})
 
 
 def _draw(path: Path):

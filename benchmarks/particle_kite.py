@@ -13,7 +13,7 @@ from .text import lines, table
 
 SCENE, STEP = "v3_kite_dynamic", 0.02
 GUSTS = {"gust_speed": 2.0, "gust_start": 2.0, "gust_duration": 5.0, "gust_interval": 10.0}
-STEERED, FOR = 0.1, 5.0  # m of one steering tape, s
+STEERED, FOR = 0.02, 5.0  # m of one steering tape, s
 
 
 class Flight:
@@ -46,8 +46,7 @@ def flown(steps, scheme="explicit", parameters=None, tape=None):
         tape = (tape[0], float(pair["structural"].get(tape[0])), tape[1])
     follow = Flight(pair, tape)
     begin = time.perf_counter()
-    first = {"omega0": 1.0} if scheme == "iqn-ils" else {}
-    run = simulate(pair, steps * STEP, STEP, scheme, tolerance=1e-6, follower=follow, **first)
+    run = simulate(pair, steps * STEP, STEP, scheme, tolerance=1e-6, follower=follow)
     return run, np.array(follow.rows), time.perf_counter() - begin
 
 

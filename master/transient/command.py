@@ -18,10 +18,8 @@ from master.schemes import SCHEMES
 from master.transient.inputs import Inputs
 from master.transient.record import Recorder
 from master.transient.results import NO_PLOTS, RESULTS, result_rows, summary, write_plots
-from master.transient.simulation import Simulation, simulate
+from master.transient.simulation import PARAMETERS, Simulation, simulate
 
-# The first update of a step takes the whole change: where steps are short, inertia makes the coupling weak.
-FIRST = {"relaxation": "omega", "aitken": "omega", "iqn-ils": "omega0", "iqn-imvj": "omega0"}
 EXIT_FINISHED, EXIT_NOT_FINISHED = 0, 1
 
 
@@ -43,7 +41,9 @@ def run_moving(
     there is one. ValueError in one sentence for bad input, before anything is written.
     """
     _require(choices, files, live)
-    parameters = {} if choices["scheme"] == "explicit" else {FIRST[choices["scheme"]]: choices["relaxation"] or 1.0}
+    factor = choices["relaxation"]
+    parameters = dict(PARAMETERS.get(choices["scheme"], {}))
+    parameters |= {} if factor is None else {SCHEMES[choices["scheme"]].relaxation: factor}
     dynamics = scene.content["dynamics"]
     stop = float(dynamics["stop_time"] if stop_time is None else stop_time)
     dt = float(dynamics["communication_step"] if step is None else step)

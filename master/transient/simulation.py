@@ -16,6 +16,14 @@ from master.transient.inputs import Inputs
 # The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
 FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
+# Parameters of the schemes in time. The first update takes the whole change: where steps are short, inertia makes the
+# coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and mislead.
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "relaxation": {"omega": 1.0},
+    "aitken": {"omega": 1.0},
+    "iqn-ils": {"omega0": 1.0, "reuse": 1},
+    "iqn-imvj": {"omega0": 1.0},
+}
 Follower = Callable[[float, "Simulation"], object]
 
 
@@ -81,9 +89,9 @@ def simulate(
 
     `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
     once; its loads act all through the step (the structure's loads_vary is set to 0). The others repeat a step until
-    the motion changes by no more than `tolerance` m; `parameters` are those of the scheme. `inputs` go through time;
-    `follower(time, simulation)` is called at the start and after every step. ValueError in one sentence for bad input;
-    a step that cannot be solved ends the run with its status.
+    the motion changes by no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` go
+    through time; `follower(time, simulation)` is called at the start and after every step. ValueError in one sentence
+    for bad input; a step that cannot be solved ends the run with its status.
     """
     run = Simulation({side: participants[side] for side in (FLOW, STRUCTURE) if side in participants})
     structure = run.participants[STRUCTURE]
@@ -100,9 +108,10 @@ def simulate(
         if flow.causality.get(block) == "input" and block in structure.blocks:
             flow.set(block, structure.get(block))
     exchange = exchange_of(run.participants, step)
-    used = None if explicit else scheme(scheme_name, exchange, order, **parameters)
-    if SCHEMES[scheme_name].exact:
+    if scheme_name in SCHEMES and SCHEMES[scheme_name].exact:
         raise ValueError(f"scheme {scheme_name} takes derivatives of equilibria; choose another for a scene in motion.")
+    chosen = PARAMETERS.get(scheme_name, {}) | parameters
+    used = None if explicit else scheme(scheme_name, exchange, order, **chosen)
     if follower is not None:
         follower(0.0, run)
 

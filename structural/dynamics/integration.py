@@ -11,6 +11,9 @@ from .steps import StepSolver
 
 # A step that cannot be solved is halved so often before the run ends.
 HALVINGS = 12
+# Attempts in a row, each of half the size of the one before or its other half, that a run makes at steps that cannot be
+# solved: what needs more is no jerk that passes but a load that is out of all proportion.
+PATIENCE = 40
 # Bounds and safety factor of the change of size from step to step, as usual for one-step error control.
 SAFETY, SHRINK, GROW = 0.9, 0.2, 4.0
 # Steps of the smallest size relative to the run that still count as progress.
@@ -98,6 +101,7 @@ class _Run:
         self.callback = callback
         self._solve = StepSolver(motion, scheme, atol, rtol)
         self.steps = self.rejected = self.iterations = 0
+        self.refused = 0  # attempts since a step of whole size went through
         self.status, self.message = "finished", ""
         self.step = stop - state.t
         self.balance = replace(energy) if isinstance(energy, Balance) else None
@@ -128,6 +132,7 @@ class _Run:
         self.step = h
         for k in range(count if max_steps is None else min(count, max_steps)):
             end = self.stop if k == count - 1 else begin + (k + 1) * h
+            self.refused = 0
             if not self._reach(end, HALVINGS):
                 return
 
@@ -138,7 +143,8 @@ class _Run:
             self._accept(replace(new, t=end))
             return True
         self.rejected += 1
-        if halvings == 0:
+        self.refused += 1
+        if halvings == 0 or self.refused > PATIENCE:
             return self._end("newton_failed", "the equations of a step could not be solved, however small it was")
         middle = 0.5 * (self.state.t + end)
         return self._reach(middle, halvings - 1) and self._reach(end, halvings - 1)

@@ -1,0 +1,166 @@
+"""Runs through time: order of coupled motion, results, inputs over time, refusals."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.particle_coupled import coupled, with_added_mass
+from benchmarks.particle_kite import flown
+from master.cli import app
+from master.commands import opened
+from master.transient import simulate
+from scenes import load
+
+
+def _cli(*words):
+    return CliRunner().invoke(app, ["run", *map(str, words)])
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("explicit", 1), ("aitken", 2), ("iqn-ils", 2)])
+def test_a_coupled_tether_converges_with_the_order_of_the_coupling(scheme, order):
+    end = 0.8  # s of a gust
+    runs = {step: coupled(scheme, step, end=end) for step in (0.1, 0.05, 0.025)}
+    assert all(run.finished for run, _ in runs.values())
+    exact = coupled("aitken", 0.0025, end=end)[1]  # with an error of a hundredth, or of a tenth where of first order
+    errors = [np.linalg.norm(x - exact, axis=1).max() for _, x in runs.values()]
+    assert np.log2(errors[0] / errors[2]) / 2.0 == pytest.approx(order, abs=0.25)
+    assert errors[2] < (1e-2 if order == 1 else 5e-4)  # m, of a motion of 2 m
+
+
+def test_air_heavier_than_the_structure_makes_explicit_coupling_unstable_however_short_the_step():
+    for step in (0.1, 0.02):
+        light, _ = with_added_mass("explicit", 0.8, step)
+        heavy, x = with_added_mass("explicit", 2.0, step)
+        assert light.finished
+        assert not heavy.finished or np.abs(x[:, 0]).max() > 30.0  # m: it has gone off
+
+
+@pytest.mark.parametrize("scheme", ["aitken", "iqn-ils"])
+def test_implicit_coupling_cures_it(scheme):
+    fine, exact = with_added_mass(scheme, 2.0, 0.01, end=1.0)
+    coarse, x = with_added_mass(scheme, 2.0, 0.1, end=1.0)
+    assert fine.finished
+    assert coarse.finished
+    assert np.abs(x - exact).max() < 0.1  # m of 4: the acceleration is a difference over 0.1 s
+
+
+def test_the_kite_flies_on_in_gusts():
+    run, rows, _ = flown(200)  # 4 s, a slice of the ten thousand steps of `make stress`
+    assert run.finished
+    alpha, force, span = np.rad2deg(rows[50:, 1]), rows[50:, 2], rows[50:, 3]
+    assert 4.0 < alpha.min() < alpha.max() < 9.0  # deg; 7.2 in equilibrium, less in a gust
+    assert 700.0 < force.min() < force.max() < 1200.0  # N; 830 in equilibrium
+    assert 7.5 < span.min() < span.max() < 7.9
+
+
+def test_motion_settles_on_the_equilibrium_of_the_static_scene():
+    from master.coupling import Coupling, solve
+
+    static = Coupling.in_process(load("v3_kite"))
+    from master import IQNILS
+
+    solve(static, IQNILS())
+    _, rows, _ = flown(1000, parameters={"gust_speed": 0.0, "spring_damping_time": 0.05})
+    alpha = float(static.aero.get("alpha_mid"))
+    # a mode of 3 s that the air damps slowly is left with some hundredths of a degree after 20 s
+    assert np.rad2deg(rows[-150:, 1].mean()) == pytest.approx(np.rad2deg(alpha), abs=0.05)
+    assert rows[-1, 3] == pytest.approx(float(static.aero.get("tip_span")), abs=2e-3)
+
+
+def test_a_steered_kite_moves_sideways():
+    _, rows, _ = flown(200, parameters={"gust_speed": 0.0}, tape=("steering_tape_left_length", 0.1))
+    assert np.abs(rows[:99, 4]).max() < 1e-9  # m, before
+    assert np.abs(rows[-1, 4]) > 0.01
+
+
+def test_fmus_and_solvers_in_process_give_the_same_motion(tmp_path):
+    scene = load("tether_in_wind")
+    ends = []
+    for backend in ("in-process", "fmu"):
+        with opened(scene, backend, {"gust_speed": 2.0}, tmp_path) as pair:
+            run = simulate(pair, 1.0, 0.1, "iqn-ils")
+            assert run.finished
+            ends.append(run.blocks["structural"]["position"])
+    assert np.array_equal(*ends)
+
+
+def test_a_run_leaves_its_history_summary_and_plots(tmp_path):
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["status"] == "converged"
+    assert content["steps"] == 10
+    assert content["settings"]["communication_step"] == 0.1
+    assert content["real_time_factor"] > 0.0
+    rows = list(csv.DictReader((tmp_path / "history.csv").read_text().splitlines()))
+    assert [float(r["time_s"]) for r in rows] == pytest.approx(np.linspace(0.0, 1.0, 11).tolist())
+    assert float(rows[-1]["kinetic_energy"]) == content["outputs"]["structural.kinetic_energy"]
+    assert {"motion.png", "shapes.svg", "structure.vtu", "nodes.csv"} <= {p.name for p in tmp_path.iterdir()}
+    assert "x real time" in result.output
+
+
+def test_inputs_over_time_reach_both_sides(tmp_path):
+    table = tmp_path / "inputs.csv"
+    table.write_text("time,wind_speed,tether_length\n0,6,300\n1,10,302\n")
+    out = tmp_path / "out"
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--inputs", table, "--out", out)
+    assert result.exit_code == 0, result.output
+    outputs = json.loads((out / "summary.json").read_text())["outputs"]
+    assert outputs["aero.present_wind_speed"] == pytest.approx(10.0)
+    assert outputs["structural.tether_length_present"] == pytest.approx(302.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("time,wind\n0,6\n", ["row 1", "no 'wind'", "wind_speed"]),
+        ("time,wind_speed\n0,six\n", ["row 2", "wind_speed 'six'", "finite number"]),
+        ("time,wind_speed\n1,6\n0,7\n", ["row 3", "time does not increase"]),
+        ("time,wind_speed\n0\n", ["row 2", "1 cells"]),
+        ("when,wind_speed\n0,1\n", ["time,NAME"]),
+        ("", ["time,NAME"]),
+        ("time,wind_direction\n0,1\n", ["no single value"]),
+    ],
+)
+def test_inputs_that_cannot_be_are_one_sentence_and_nothing_is_written(text, words, tmp_path):
+    table, out = tmp_path / "inputs.csv", tmp_path / "out"
+    table.write_text(text)
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--inputs", table, "--out", out)
+    assert result.exit_code == 2
+    assert all(word in result.output for word in words), result.output
+    assert not list(out.glob("*.json"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["v3_kite", "--stop-time", "1"], "--stop-time is for scenes in motion"),
+        (["tether_in_wind", "--step", "0"], "--step must be a number of seconds above zero"),
+        (["tether_in_wind", "--step", "0.3", "--stop-time", "1"], "no whole number of communication steps"),
+        (["tether_in_wind", "--scheme", "newton-krylov", "--backend", "in-process"], "derivatives of equilibria"),
+        (["tether_in_wind", "--live"], "--live"),
+        (["tether_in_wind", "--checkpoint", "a.ckp"], "no checkpoints"),
+        (["tether_in_wind", "--inputs", "missing.csv"], "cannot be read"),
+        (["tether_in_wind", "--set", "line_damping_time=-1"], "line_damping_time must be"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused_in_one_sentence(words, said, tmp_path):
+    result = _cli(*words, "--out", tmp_path)
+    assert result.exit_code == 2
+    assert said in result.output
+
+
+def test_a_step_that_cannot_be_solved_ends_the_run_with_what_was_reached(tmp_path):
+    table, out = tmp_path / "inputs.csv", tmp_path / "out"
+    table.write_text("time,tether_length_rate\n0,0\n0.5,0\n0.6,-999\n")
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--inputs", table, "--out", out)
+    assert result.exit_code == 1
+    content = json.loads((out / "summary.json").read_text())
+    assert content["status"] == "diverged"
+    assert "rest length of tether_length would become" in content["message"]
+    assert 0.5 <= content["time"] < 1.0
+    rows = (out / "history.csv").read_text().splitlines()
+    assert len(rows) == 2 + round(content["time"] / 0.1)  # header, start, and the steps
