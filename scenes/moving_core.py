@@ -63,17 +63,17 @@ class MovingCore(StructuralCore):
             before = self._before
         started = self._fresh and self._scalar("start_in_equilibrium")
         state = self._settled(now) if started else (self._x, self._v, self._a, self._past)
-        motion, symmetric = self._motion(state, before, now, lengths, t, dt)
-        begin = self._state(motion, state, t)
+        motion, symmetric = self._motion(state, before, now, lengths, dt)
+        begin = self._state(motion, state)
         if self._fresh or self._before is None or not self._scalar("loads_vary"):
             begin = motion.again(begin)
         balance = self._balance(motion, begin)
         result = integrate(
-            motion, begin, t + dt, self._integrator(), self._scalar("longest_step"),
+            motion, begin, dt, self._integrator(), self._scalar("longest_step"),
             atol=self._scalar("solver_tolerance"), energy=balance,
         )  # fmt: skip
         if not result.finished:
-            raise StepFailed(f"the motion cannot be integrated: {result.message}")
+            raise StepFailed(f"the motion cannot be integrated from {t:.6g} s on: {result.message}")
         self._unsolved()
         with self._finite_results():
             self._fresh = False
@@ -116,8 +116,10 @@ class MovingCore(StructuralCore):
         dead[:, 2] -= change * self._scalar("gravity")
         return replace(loads, dead=dead)
 
-    def _motion(self, state, before, now, lengths, t, dt):
-        """Equations of motion over the step, and whether one half is solved."""
+    def _motion(self, state, before, now, lengths, dt):
+        """Equations of motion over the step, and whether one half is solved. Time counts from its beginning, so that
+        results do not depend on the rounding of times.
+        """
         steady = all(a == b for a, b in lengths.values())
         modulus = self._scalar("line_modulus") if "line_modulus" in self._values else None
         line = self._members.area > 0.0
@@ -126,7 +128,7 @@ class MovingCore(StructuralCore):
         wing_mass = self._scalar("wing_mass") if "wing_mass" in self._values else 0.0
 
         def part(at):
-            return 1.0 if dt == 0.0 else min(max((at - t) / dt, 0.0), 1.0)
+            return 1.0 if dt == 0.0 else min(max(at / dt, 0.0), 1.0)
 
         def at_lengths(at):
             s = part(at)
@@ -154,9 +156,9 @@ class MovingCore(StructuralCore):
             own = own if not self._tapes_weigh else own + self._tapes.mass(at_lengths(at), self._density)
             return own if air is None else own[:, None, None] * np.eye(3) + air
 
-        symmetric = bool(self._values["symmetric"]) and self._mirrored(chains(t), before, now, state)
+        symmetric = bool(self._values["symmetric"]) and self._mirrored(chains(0.0), before, now, state)
         same = all(getattr(before, k) is getattr(now, k) for k in (*LOADS, "dead"))
-        given = (mass, chains, loads) if not steady else (mass(t), chains(t), now if same else loads)
+        given = (mass, chains, loads) if not steady else (mass(0.0), chains(0.0), now if same else loads)
         try:
             return Motion(self._assembly(symmetric, False), *given), symmetric
         except ValueError as error:
@@ -199,11 +201,11 @@ class MovingCore(StructuralCore):
             and np.abs(v - v[self._mirror] * np.array([1.0, -1.0, 1.0])).max() <= 1e-6 * (1.0 + np.abs(v).max())
         )
 
-    def _state(self, motion, state, t):
+    def _state(self, motion, state):
         """The state of all nodes as that of the unknowns."""
         x, v, a, past = state
         r = motion.unknowns.restrict
-        return State(t, r(x), r(v), r(a), None if past is None else (past[0], r(past[1]), r(past[2])))
+        return State(0.0, r(x), r(v), r(a), None if past is None else (past[0], r(past[1]), r(past[2])))
 
     def _balance(self, motion, begin):
         """The balance of energies so far; the energies themselves are those at the beginning of the step."""

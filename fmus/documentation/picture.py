@@ -168,6 +168,7 @@ def icon(scene: Scene | None, side: str) -> bytes:
     the lift on it for the other.
     """
     strokes: list[tuple[np.ndarray, float]] = []
+    bold = 1.7
     if scene is not None:
         axes = np.array([VIEWS[1][1], VIEWS[1][2]])
         edge = scene.interface.nodes[scene.interface.sections[:, 0]] @ axes.T
@@ -182,8 +183,9 @@ def icon(scene: Scene | None, side: str) -> bytes:
         low, high = every.min(axis=0), every.max(axis=0)
         scale = (SIZE - 10.0) / float((high - low).max())
         shift = SIZE / 2 - scale * (low + high) / 2
-        strokes = [(scale * leg + shift, 0.5 if side == "structural" else 1.0) for leg in lines]
-        strokes += [(scale * np.array(pair) + shift, 1.7) for pair in pairwise(edge)]
+        thin = {"structural": 0.5, "aero": 1.0}.get(side, 1.0) if len(edge) else bold
+        strokes = [(scale * leg + shift, thin) for leg in lines]
+        strokes += [(scale * np.array(pair) + shift, bold) for pair in pairwise(edge)]
     return _png(strokes, COLOURS.get(side, (0x44, 0x44, 0x44)))
 
 

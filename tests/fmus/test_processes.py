@@ -48,6 +48,7 @@ if sys.argv[1] == "alone":  # the folder that the packages came from goes before
 if paths[1:]:
     aero, a, aero_folder = start(paths[1])
     shared = [name for name in a if name in s and name in ("pressure", "shear", "line_load")]
+    back = [name for name in ("displacement", "velocity") if name in a]
 for k in range(int(sys.argv[2])):
     if paths[1:]:
         aero.doStep(float(k), 1.0)
@@ -58,12 +59,13 @@ for k in range(int(sys.argv[2])):
         structural.setReal(s["pressure"], [pressure] * len(s["pressure"]))
     structural.doStep(float(k), 1.0)
     if paths[1:]:
-        aero.setReal(a["displacement"], structural.getReal(s["displacement"]))
+        for name in back:
+            aero.setReal(a[name], structural.getReal(s[name]))
 last = structural.getReal(s["displacement"])
 end(structural, structural_folder)
 if paths[1:]:
     aero.doStep(9.0, 1.0)
-    last += aero.getReal(a["pressure"])
+    last += aero.getReal(a["pressure" if "pressure" in a else "line_load"])
     end(aero, aero_folder)
 print([value.hex() for value in last])
 """
@@ -88,10 +90,11 @@ def exchanged(scene):
         for name in loads:
             structural.set(name, aero.get(name))
         structural.step(float(k), 1.0)
-        aero.set("displacement", structural.get("displacement"))
+        for name in ("displacement", "velocity") if scene.moves else ("displacement",):
+            aero.set(name, structural.get(name))
     displacement = np.ravel(structural.get("displacement")).tolist()
     aero.step(9.0, 1.0)
-    return displacement + np.ravel(aero.get("pressure")).tolist()
+    return displacement + np.ravel(aero.get("pressure" if "pressure" in aero.names else "line_load")).tolist()
 
 
 @pytest.mark.parametrize("case", PLAIN, indirect=True, ids=label)

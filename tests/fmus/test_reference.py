@@ -58,7 +58,10 @@ def test_the_script_on_the_page_finds_the_reference_results_to_the_last_bit(case
         done = subprocess.run(
             [sys.executable, "-c", script], cwd=folder, capture_output=True, text=True, timeout=120, check=False
         )
-        assert done.stdout == "largest difference 0.0\n", done.stderr
+        words, difference = done.stdout.rsplit(maxsplit=1)
+        assert words == "largest difference"
+        # in scenes of motion steps of 0.1 s end at sums of them, and are of sizes that differ in the last bit
+        assert float(difference) <= (1e-12 if case[0].moves else 0.0), done.stderr
 
 
 @pytest.mark.parametrize("case", PLAIN, indirect=True, ids=label)
@@ -87,14 +90,15 @@ def test_an_importer_that_sets_each_row_and_steps_finds_them_too(case):
         given, expected = (table(files[f"documentation/{path.stem}_{kind}.csv"]) for kind in ("in", "ref"))
         quoted = files[f"documentation/{path.stem}_ref.csv"].decode().partition("\n")[0]
         assert quoted == ",".join(f'"{name}"' for name in expected[0])  # as the FMI cross-check rules have it
-        assert [row[0] for row in given[1]] == [float(k) for k in range(STEPS)]
-        assert [row[0] for row in expected[1]] == [float(k) for k in range(STEPS + 1)]
+        dt = case[0].communication_step
+        assert [row[0] for row in given[1]] == [k * dt for k in range(STEPS)]
+        assert [row[0] for row in expected[1]] == [k * dt for k in range(STEPS + 1)]
         with Importer(path) as fmu:
             of_type = {kind: [n for n in expected[0][1:] if fmu.types[n] == kind] for kind in set(fmu.types.values())}
             places = [fmu.references[name] for name in given[0][1:]]
             for now, (t, *row) in zip(expected[1][1:], given[1], strict=True):
                 fmu.slave.setReal(places, row)
-                fmu.slave.doStep(t, 1.0)
+                fmu.slave.doStep(t, dt)
                 found = {}
                 for kind, names in of_type.items():
                     if names:
@@ -122,6 +126,8 @@ def test_fmus_without_reference_results_say_nothing_of_them(scene, tmp_path):
 @pytest.mark.parametrize("side", ["structural", "aero"])
 def test_the_drawing_has_every_panel_in_each_view_to_scale(case, side):
     scene = case[0]
+    if not len(scene.interface.panels):
+        pytest.skip("a scene without panels")
     views = list(ElementTree.fromstring(drawing(scene, side)).iterfind(f"{SVG}g"))
     x = scene.interface.nodes[scene.interface.panels]
     scales = []
