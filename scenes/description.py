@@ -121,6 +121,7 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
         "tube_stiffness": (_number(above=0.0), None),
         "tube_shear_stiffness": (_number(above=0.0), None),
         "wing_mass": (_number(low=0.0), None),
+        "canopy_bending_stiffness": (_number(above=0.0), None),
         "canopy_stiffness": (_number(above=0.0), None),
         "canopy_shear_stiffness": (_number(above=0.0), None),
         "canopy_density": (_number(low=0.0), 0.0),

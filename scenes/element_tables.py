@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from structural import quad_rows, triple_bending
+
 from .tables import SceneError, Table, name, names, non_negative, positive, read_table
 
 
@@ -73,6 +75,29 @@ def canopy_quads(path, index, nodes, structure):
             edges[min(i, j), max(i, j)] = [t.at(row), f"{t['name'][row]}_{side}", (i, j), length, k, mass]
     for where, label, ends, length, k, mass in edges.values():
         yield Element(label, ends, length, k, 0.0, True, mass), where
+
+
+def canopy_bending(path, index, nodes, stiffness):
+    """Bending springs of the rows of nodes that run on over the common edges of canopy quads, at rest as drawn.
+
+    `stiffness` N m is that of the fabric per width; a row has half of the quads on either side of it for its width.
+    """
+    t = read_table(path, {"name": name, "nodes": names, "stiffness_N_per_m": positive, "mass_kg": non_negative})
+    quads = np.array([_resolve(t, row, index, 4, 4) for row in range(len(t))])
+    triples = quad_rows(quads)
+    if not len(triples):
+        return ()
+    p = nodes[quads]
+    area = 0.5 * np.linalg.norm(np.cross(p[:, 2] - p[:, 0], p[:, 3] - p[:, 1]), axis=1)
+    beside: dict[tuple[int, int], float] = {}
+    for quad, a in zip(quads.tolist(), area, strict=True):
+        for i in range(4):
+            edge = min(quad[i], quad[i - 1]), max(quad[i], quad[i - 1])
+            beside[edge] = beside.get(edge, 0.0) + 0.5 * a
+    sides = [[(min(i, j), max(i, j)) for i, j in pairwise(row)] for row in triples.tolist()]
+    length = np.linalg.norm(np.diff(nodes[triples], axis=1), axis=2).sum(axis=1)
+    width = np.array([sum(beside[edge] for edge in pair) for pair in sides]) / length
+    return (triple_bending(triples, nodes, stiffness * width),)
 
 
 def lines(path, index, nodes, structure):

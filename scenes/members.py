@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from structural import Chains
+from structural import BendingSprings, Chains
 
 from .connections import check_connected
-from .element_tables import Element, canopy_quads, lines, mass_shares, point_masses, springs
+from .element_tables import Element, canopy_bending, canopy_quads, lines, mass_shares, point_masses, springs
 from .tables import SceneError, name, number, read_table
 from .wing_mesh import WingMesh
 from .wing_tables import check_wing_keys, wing_masses, wing_of
@@ -22,7 +22,8 @@ class Members:
     `nodes` (n,3) m, `fixed` (n,3) bool, `labels` node names; `chains` groups of elements; `area` (e,) m^2 over all
     elements in the order of the groups, of those whose stiffness follows a modulus, 0 where it is given; `mass` (n,)
     kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring. `wing`
-    is the mesh of an inflatable wing where the scene has tubes: beams, canopy grid and rigid links.
+    is the mesh of an inflatable wing where the scene has tubes: beams, canopy grid and rigid links. `bending` are
+    springs that resist the bending of canopy quads.
     """
 
     nodes: np.ndarray
@@ -33,6 +34,7 @@ class Members:
     mass: np.ndarray
     wing_mass: np.ndarray
     wing: WingMesh | None = None
+    bending: tuple[BendingSprings, ...] = ()
 
     def node(self, label: str, where: str) -> int:
         """Index of a node; raises `SceneError` naming the row `where` it is asked for."""
@@ -113,8 +115,19 @@ def read_members(folder: Path, structure: dict[str, Any], settings: dict[str, An
         point_masses(folder / structure["masses"], table_index, mass)
     check_connected(folder, structure, labels, fixed, elements, wing)
     groups, area = _grouped(elements)
-    members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing)
+    bending = _bending(folder, structure, table_index, nodes)
+    members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing, bending)
     return members if settings.get("scale", 1.0) == 1.0 else _scaled(members, float(settings["scale"]))
+
+
+def _bending(folder, structure, index, nodes):
+    stiffness = structure["canopy_bending_stiffness"]
+    if stiffness is None:
+        return ()
+    if not structure["canopy"]:
+        where = f"{folder.name}/scene.toml: [structure] canopy_bending_stiffness"
+        raise SceneError(f"{where} is that of a table 'canopy' of quads; add one or drop it.")
+    return canopy_bending(folder / structure["canopy"], index, nodes, stiffness)
 
 
 def _scaled(members, factor):
@@ -132,9 +145,11 @@ def _scaled(members, factor):
         line = members.area[start : start + len(group.l0)] > 0.0
         start += len(group.l0)
         groups.append(replace(group, l0=factor * group.l0, k=np.where(line, factor * group.k, group.k)))
+    bending = tuple(replace(b, arms=factor * b.arms, k=b.k) for b in members.bending)  # EI ~ width, k = EI / arm
     return replace(
         members,
         nodes=factor * members.nodes,
+        bending=bending,
         chains=tuple(groups),
         area=factor**2 * members.area,
         mass=factor**2 * members.mass,

@@ -146,7 +146,7 @@ class StructuralCore(Core):
         assembly = self._assemblies.get((symmetric, held))
         if assembly is None:
             m, i = self._members, self._interface
-            structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines)
+            structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines, bending=m.bending)
             if m.wing is not None:
                 w = m.wing
                 clamped = np.zeros((len(w.frames), 3), dtype=bool)
