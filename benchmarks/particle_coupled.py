@@ -47,6 +47,7 @@ def reference(end=END):
     return x
 
 
+@functools.cache
 def errors(scheme, steps, end=END):
     """Communication step -> largest error m of a position at the end, and evaluations a step."""
     out = {}

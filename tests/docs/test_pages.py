@@ -43,6 +43,18 @@ def test_every_block_of_the_coupling_page_runs_and_prints_what_the_page_says(tmp
     assert json.loads(Path("results/section/summary.json").read_text())["status"] == "converged"
 
 
+def test_every_block_of_the_page_on_motion_runs_and_prints_what_the_page_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    wrong = checked(DOCS / "motion.md")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_page_on_motion_names_every_key_with_its_default():
+    text = (DOCS / "motion.md").read_text()
+    for key, (_, default) in _KNOWN["dynamics"].items():
+        assert f"| `{key}` | {json.dumps(default)} |" in text
+
+
 def test_the_coupling_page_names_every_setting():
     text = (DOCS / "couple.md").read_text()
     keys = ["blocks" if entry.name == "names" else entry.name for entry in (*fields(Settings), *fields(Member))]
