@@ -100,7 +100,7 @@ def _added_mass(_quick):
         table(heads, rows),
         "Deflection after 2 s and evaluations a step of a tether in a gust whose air has inertia, from the change of "
         "velocity over a step (added_mass_coefficient). Without damping the explicit scheme is unstable where the air "
-        "has more mass than the structure, however short the step (Causin, Gerbeau and Nobile 2005); here drag damps, so "
+        "has more mass than the structure, however short the step (Causin, Gerbeau, Nobile 2005); here drag damps, so "
         "that a tenth more does not show within 2 s. Implicit coupling cures it at every ratio.",
     )
 
