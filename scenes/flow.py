@@ -40,7 +40,7 @@ class FlowCore(Core):
         if self._scene.moves:
             yield Variable("velocity", (points, 3), unit="m/s", description="velocity of the interface nodes")
         tunable = partial(Variable, causality="parameter", variability="tunable")
-        text = "wind speed at the wing" if self._scene.content["wing"] else "wind speed"
+        text = "wind speed at the wing" if self._scene.content["wing"] else "wind speed at the lines"
         start = content["wind_speed"]
         yield tunable("wind_speed", unit="m/s", start=start, minimum=1e-3, maximum=340.0, description=text)
         text = "direction that the wind blows to, global frame, any length above zero"
