@@ -156,6 +156,9 @@ def list_scenes(name: str | None = None) -> int:
         print(f"{scene.name}: {scene.content['title']}")
         print(f"  {scene.content['description']}")
         print(f"  interface: {len(scene.interface.nodes)} nodes, {len(scene.interface.panels)} panels")
+        if scene.moves:
+            stop = scene.content["dynamics"]["stop_time"]
+            print(f"  in motion: to {stop:g} s in communication steps of {scene.communication_step:g} s")
         for key, option in scene.content["settings"].items():
             choices = f" ({' | '.join(map(str, option['options']))})" if "options" in option else ""
             print(f"  setting   {key} = {option['default']}{choices}  {option.get('description', '')}")

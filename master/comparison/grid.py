@@ -73,6 +73,11 @@ def grid(
     found, code = versions(), _code_digest()
     cells = []
     for scene, given, case in cases:
+        if scene.moves:
+            raise ValueError(
+                f"scene '{scene.name}' is one of motion, which compare does not take; run it with every scheme "
+                "(kitecosim run --scheme), or compare scenes of equilibria."
+            )
         digest = f"{_digest(scene.folder, ['**/*'])}-{code}"
         for (name, chosen, label), order in itertools.product(variants, orders):
             shown = label if order == ORDERS[0] else f"{label} {order}"

@@ -153,6 +153,18 @@ def test_options_that_do_not_fit_are_refused_in_one_sentence(words, said, tmp_pa
     assert said in result.output
 
 
+def test_comparing_schemes_is_for_scenes_of_equilibria(tmp_path):
+    result = CliRunner().invoke(app, ["compare", "tether_in_wind", "--out", str(tmp_path)])
+    assert result.exit_code == 2
+    assert "one of motion" in result.output
+
+
+def test_the_list_of_scenes_says_which_move():
+    result = CliRunner().invoke(app, ["scenes", "tether_in_wind"])
+    assert "in motion: to 60 s in communication steps of 0.1 s" in result.output
+    assert "in motion" not in CliRunner().invoke(app, ["scenes", "typical_section"]).output
+
+
 def test_a_step_that_cannot_be_solved_ends_the_run_with_what_was_reached(tmp_path):
     table, out = tmp_path / "inputs.csv", tmp_path / "out"
     table.write_text("time,tether_length_rate\n0,0\n0.5,0\n0.6,-999\n")
