@@ -18,7 +18,6 @@ REFERENCE = 2.5e-4  # s, implicit, whose own error is a sixteenth of that of the
 SCHEMES = ("explicit", "aitken", "iqn-ils")
 # The tether starts blown out: without the jerk of becoming taut its motion is smooth, and orders show.
 SMOOTH = {"wind_speed": 6.0, "gust_speed": 3.0, "gust_duration": 4.0, "start_in_equilibrium": 1.0}
-FINE = 5e-3  # s, longest step of the integration where the communication step is longer
 
 
 def sides(scene, parameters):
@@ -31,9 +30,11 @@ def sides(scene, parameters):
 
 
 def coupled(scheme, step, tolerance=1e-9, end=END, parameters=None, **settings):
-    """Simulation and positions m at the end of the tether in a gust, with communication steps of `step` s."""
+    """Simulation and positions m at the end of the tether in a gust, with communication steps of `step` s, each of them
+    one step of the integration.
+    """
     scene = load("tether_in_wind", settings)
-    pair = sides(scene, SMOOTH | {"longest_step": min(step, FINE)} | (parameters or {}))
+    pair = sides(scene, SMOOTH | {"longest_step": step} | (parameters or {}))
     run = simulate(pair, end, step, scheme, "serial", tolerance, 60)
     return run, pair["structural"].get("position")
 

@@ -1,6 +1,7 @@
 """Cost of implicit steps: chains up to 10 000 particles and nets up to 10 000 nodes."""
 
-import contextlib
+import statistics
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from structural.dynamics import BDF2, GeneralisedAlpha, ImplicitEuler, Motion, i
 
 from .nets import saddle
 from .particle_models import G
-from .registry import Case, Curve, Fit, Outcome
+from .registry import Table
+from .text import lines, table
 
 SCHEMES = {
     "linear implicit Euler": ImplicitEuler(linear=True),
@@ -49,51 +51,37 @@ def _motion(structure, chains, mass):
     return motion, motion.at(structure.nodes)
 
 
-def _steps(model, count):
-    made = {}
-
-    @contextlib.contextmanager
-    def prepare(series, n):
-        if n not in made:
-            made[n] = model(n)
-        motion, start = made[n]
-        # on its way: the first steps from rest are the easy ones
-        under_way = integrate(motion, start, 2 * STEP, SCHEMES[series], STEP).state
-
-        def work():
-            end = integrate(motion, under_way, under_way.t + count * STEP, SCHEMES[series], STEP)
-            columns = {"newton_iterations": end.newton_iterations / count, "unknowns": motion.unknowns.count}
-            return Outcome(0.0, columns, "converged" if end.finished else end.status)
-
-        yield work
-
-    return prepare
+def per_step(model, scheme, n, count, repeats=3):
+    """Median time s and Newton iterations of a step of n particles on their way: the first steps from rest are easy."""
+    motion, start = model(n)
+    under_way = integrate(motion, start, 2 * STEP, scheme, STEP).state
+    seconds = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        end = integrate(motion, under_way, under_way.t + count * STEP, scheme, STEP)
+        seconds.append((time.perf_counter() - begin) / count)
+        if not end.finished:
+            raise RuntimeError(end.message)
+    return statistics.median(seconds), end.newton_iterations / count
 
 
-def _case(name, title, model, values, count):
-    return Case(
-        name=name,
-        title=title,
-        knob="particles",
-        values=values,
-        quick=values[:1],
-        error="none",
-        unit="1",
-        reference="none: cost only",
-        prepare=_steps(model, count),
-        truth=lambda series, value: 0.0,
-        bound=0.0,
-        series=tuple(SCHEMES),
-        repeats=5,
-        memory=False,
-        plot=Curve("value", "time_s"),
-        fit=Fit("value", "time_s", f"time of {count} steps ~ particles", least=1000),
-        labels={"newton_iterations": "Newton iterations a step", "unknowns": "unknowns"},
-        note=f"Times are those of {count} steps of {1e3 * STEP:g} ms.",
-    )
+def _table(model, values, count):
+    def build(quick):
+        sizes = values[:3] if quick else values
+        found = {(s, n): per_step(model, scheme, n, count) for s, scheme in SCHEMES.items() for n in sizes}
+        rows = [[n, *(f"{1e3 * found[s, n][0]:.2f} ({found[s, n][1]:.1f})" for s in SCHEMES)] for n in sizes]
+        n, far = np.array(sizes[-2:], float), {s: [found[s, k][0] for k in sizes[-2:]] for s in SCHEMES}
+        exponents = ", ".join(f"{np.log(t[1] / t[0]) / np.log(n[1] / n[0]):.2f} ({s})" for s, t in far.items())
+        return lines(
+            table(["particles", *(f"{s}: ms a step (iterations)" for s in SCHEMES)], rows),
+            f"Steps of {1e3 * STEP:g} ms. Time ~ particles^p between the last two rows: {exponents}.",
+        )
+
+    return build
 
 
+VALUES = (100, 300, 1000, 3000, 10_000)
 ENTRIES = (
-    _case("particles.chain_steps", "Implicit steps of a chain", chain, (100, 300, 1000, 3000, 10000), 10),
-    _case("particles.net_steps", "Implicit steps of a net", square, (100, 300, 1000, 3000, 10000), 4),
+    Table("particles.chain_steps", "Cost of implicit steps of a chain of particles", _table(chain, VALUES, 10)),
+    Table("particles.net_steps", "Cost of implicit steps of a net of particles", _table(square, VALUES, 4)),
 )
