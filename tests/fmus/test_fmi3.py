@@ -93,6 +93,7 @@ def test_every_block_is_one_variable_with_the_dimensions_of_the_core(pair):
 
 def test_an_exchange_gives_what_fmus_of_fmi_2_give_beside_it_in_the_process_to_the_last_bit(pair):
     scene, three, two = pair
+    dt = scene.communication_step
     if len(three) == 1:
         with Arrays(three[0]) as array, Importer(two[0]) as scalar:
             for t in range(3):
@@ -105,24 +106,25 @@ def test_an_exchange_gives_what_fmus_of_fmi_2_give_beside_it_in_the_process_to_t
     with Arrays(three[0]) as s3, Arrays(three[1]) as a3, Importer(two[0]) as s2, Importer(two[1]) as a2:
         loads = [name for name in ("pressure", "shear", "line_load") if name in a3.variables]
         for t in range(10):
-            a3.slave.doStep(float(t), 1.0)
-            a2.slave.doStep(float(t), 1.0)
+            a3.slave.doStep(t * dt, dt)
+            a2.slave.doStep(t * dt, dt)
             for name in loads:
                 s3.set(name, a3.get(name))
                 s2.set(**{name: a2.get(name)})
-            s3.slave.doStep(float(t), 1.0)
-            s2.slave.doStep(float(t), 1.0)
+            s3.slave.doStep(t * dt, dt)
+            s2.slave.doStep(t * dt, dt)
             for name in ("displacement", "velocity") if scene.moves else ("displacement",):
                 a3.set(name, s3.get(name))
                 a2.set(**{name: s2.get(name)})
             for array, scalar in ((s3, s2), (a3, a2)):
                 for name in array.variables.keys() - {"time"}:
                     assert np.ravel(array.get(name)).tolist() == scalar.get(name), name
-        assert float(a3.get("time")) == 10.0
+        assert float(a3.get("time")) == 9 * dt + dt
 
 
 def test_a_state_repeats_the_steps_also_serialised_in_a_new_instance(pair):
     scene, path = pair[0], pair[1][0]
+    dt = scene.communication_step
     with Arrays(path) as fmu, Arrays(path) as other:
         loads = {"pressure": np.ones(fmu.shape("pressure"))} if "pressure" in fmu.variables else {}
         if scene.has_flow:  # of the wing as it starts, so that there is an equilibrium
@@ -136,7 +138,7 @@ def test_a_state_repeats_the_steps_also_serialised_in_a_new_instance(pair):
             for t in range(3):
                 for name, values in loads.items():
                     instance.set(name, (1.0 + 0.1 * t) * values)
-                instance.slave.doStep(float(t), 1.0)
+                instance.slave.doStep(t * dt, dt)
                 found.append(instance.get("displacement").tolist())
             return found
 
