@@ -29,7 +29,7 @@ run: $(stamp) ## fly the TU Delft V3 kite as two coupled FMUs; the report goes t
 	$(venv)/bin/kitecosim run v3_kite --out results/v3_kite
 
 test: $(stamp) ## run the tests
-	$(venv)/bin/python -m pytest -q
+	$(venv)/bin/python -m pytest -q -n 2 --dist loadfile
 
 test-interop: $(stamp) ## run the FMUs in other tools; KITECOSIM_REQUIRE_INTEROP=1 makes one that is missing a failure
 	$(venv)/bin/python -m pytest -q tests/interop

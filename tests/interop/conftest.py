@@ -55,7 +55,7 @@ def flow_first(shell):
 def row(record_property):
     """The row of a test in the table."""
     row = Row()
-    record_property("tool", row)
+    record_property("tool", vars(row))  # filled in later; of plain values, as reports of worker processes are sent on
     return row
 
 
@@ -70,7 +70,8 @@ def pytest_terminal_summary(terminalreporter):
     rows = [("tool", "version", "order", "largest difference", "verdict")]
     for outcome in ("passed", "skipped", "failed", "error"):
         for report in terminalreporter.stats.get(outcome, ()):
-            for row in (value for _, value in getattr(report, "user_properties", ()) if isinstance(value, Row)):
+            for values in (value for name, value in getattr(report, "user_properties", ()) if name == "tool"):
+                row = Row(**values)
                 size = "" if row.difference is None else f"{row.difference:.1e}" if row.difference else "0"
                 rows.append((row.tool, row.version, row.order, size, _verdict(outcome, report)))
     if len(rows) == 1:

@@ -90,7 +90,7 @@ def difference(path, expected):
     for block, values in zip(names(), expected, strict=True):
         got = np.array([[float(row[name]) for name in block] for row in rows])
         apart.append(np.abs(got - values).max() / np.abs(values).max())
-    return max(apart)
+    return float(max(apart))
 
 
 def extracted(folder, name, changes):

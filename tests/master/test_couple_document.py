@@ -13,7 +13,7 @@ from master.foreign.mapping import Described, MappedParticipant, Naming
 from tests.master.foreign import DESCRIPTION
 from tests.master.test_couple import oscillator
 
-REMOVED = object()
+REMOVED = type("Absent", (), {"__repr__": lambda self: "absent"})()
 
 
 def changed(content, changes):
