@@ -56,6 +56,8 @@ class MovingCore(StructuralCore):
 
     def step(self, t: float, dt: float) -> None:
         """Integrate over the communication step; StepFailed, and all as it was, where that cannot be done."""
+        if not 0.0 < dt < np.inf:
+            raise StepFailed(f"a step of {dt:g} s is none; time goes forward.")
         lengths = self._reeled(t, dt)
         now = self._present_loads(lengths)
         before = now
@@ -128,7 +130,7 @@ class MovingCore(StructuralCore):
         wing_mass = self._scalar("wing_mass") if "wing_mass" in self._values else 0.0
 
         def part(at):
-            return 1.0 if dt == 0.0 else min(max(at / dt, 0.0), 1.0)
+            return min(max(at / dt, 0.0), 1.0)
 
         def at_lengths(at):
             s = part(at)

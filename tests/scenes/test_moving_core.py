@@ -134,6 +134,15 @@ def test_rest_length_that_would_become_negative_is_refused_and_nothing_is_lost()
     core.step(DT, DT)
 
 
+@pytest.mark.parametrize("dt", [0.0, -0.1, float("nan"), float("inf")])
+def test_time_goes_forward(dt):
+    core = _blown(_tether())
+    before = {name: core.get(name).tobytes() for name in core.names}
+    with pytest.raises(StepFailed, match="is none; time goes forward"):
+        core.step(0.0, dt)
+    assert {name: core.get(name).tobytes() for name in core.names} == before
+
+
 def test_work_of_reeling_is_what_the_tension_gives():
     core = _tether(start_in_equilibrium=1.0, gravity=9.81, loads_vary=1.0)
     core.step(0.0, 0.01)
