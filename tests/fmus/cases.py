@@ -1,7 +1,7 @@
 """Every built-in scene, and every setting of it changed once: later scenes and settings are tested without a word.
 
-Those with inflatable wings are large: they are taken on coarse meshes, and their settings are not changed. Nor are those
-of scenes in motion, whose schemes of integration are tested without FMUs (tests/scenes/test_moving_core.py).
+Those with inflatable wings are large: they are taken on coarse meshes, and their settings are not changed. Nor are
+those of scenes in motion, whose schemes of integration are tested without FMUs (tests/scenes/test_moving_core.py).
 """
 
 import scenes
