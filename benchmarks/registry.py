@@ -31,6 +31,7 @@ SUBJECTS = (
     "particle_steps",
     "particle_coupled",
     "particle_kite",
+    "particle_hencky",
 )
 
 
