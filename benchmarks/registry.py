@@ -32,6 +32,9 @@ SUBJECTS = (
     "particle_coupled",
     "particle_kite",
     "particle_hencky",
+    "particle_nets",
+    "particle_scaling",
+    "particle_integrators",
 )
 
 
