@@ -31,6 +31,10 @@ SUBJECTS = (
     "particle_steps",
     "particle_coupled",
     "particle_kite",
+    "particle_hencky",
+    "particle_nets",
+    "particle_scaling",
+    "particle_integrators",
 )
 
 
