@@ -168,7 +168,7 @@ def _draw(path: Path):
     for value, name in ((5.8, "thesis"), (4.5, "Baayen")):
         axes[1].axhline(value, color="0.5", lw=0.8, ls=":")
         axes[1].text(2.0, value, name, va="bottom", fontsize=8)
-    axes[1].set(xlabel="z, m", ylabel="deflection, m", title="validation 3: across the wind")
+    axes[1].set(xlabel="z, m", ylabel="deflection, m", title="validation 3: across the wind", ylim=(-0.3, 6.6))
     for a in axes:
         a.legend(frameon=False, fontsize=8)
     figure.savefig(path)
