@@ -107,7 +107,7 @@ def edge_springs(x, quads):
 
 
 def diagonals(x, quads):
-    """Both diagonals (2p,2) of quads, and stiffness d^2 / 2A (2p,) over G w, which makes rectangles shear as a sheet."""
+    """Both diagonals (2p,2) of quads, and stiffness d^2 / 2A (2p,) over G w: rectangles shear as a sheet does."""
     area = 0.5 * np.linalg.norm(np.cross(x[quads[:, 2]] - x[quads[:, 0]], x[quads[:, 3]] - x[quads[:, 1]]), axis=1)
     links = np.concatenate([quads[:, [0, 2]], quads[:, [1, 3]]])
     d = np.linalg.norm(x[links[:, 1]] - x[links[:, 0]], axis=1)
@@ -159,7 +159,7 @@ class Inflated:
         return float(self.x[away < away.min() + 1e-9, 2].mean())
 
     def deflection(self, rho, angle):
-        """Deflection m above the place c / a = rho of the inflated net, in a direction `angle` rad that nodes lie in."""
+        """Deflection m of the inflated net at c / a = rho, in a direction `angle` rad that nodes lie in."""
         along = self.flat[:, :2] @ np.array([np.cos(angle), np.sin(angle)])
         across = self.flat[:, :2] @ np.array([-np.sin(angle), np.cos(angle)])
         ray = np.flatnonzero((np.abs(across) < 1e-9) & (along > -1e-9))

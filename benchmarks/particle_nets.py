@@ -57,12 +57,10 @@ def _nets(quick):
                         loose = settled(g, ratio, method, two_way, 1e-3, step)
                         off = np.abs(tight.form.x - exact.form.x).max()
                         pull = np.abs(tight.tensions - exact.tensions).max()
-                        rows.append(
-                            [g, ratio, "springs" if two_way else "lines", method]
-                            + ["" if method == "equilibrium" else f"{step:g}"]
-                            + [_cost(loose), _cost(tight), f"{off:.1e}", f"{pull:.1e}"]
-                            + [f"{tight.energy - exact.energy:+.1e}"]
-                        )
+                        pseudo = "" if method == "equilibrium" else f"{step:g}"
+                        kind = "springs" if two_way else "lines"
+                        differences = (f"{off:.1e}", f"{pull:.1e}", f"{tight.energy - exact.energy:+.1e}")
+                        rows.append([g, ratio, kind, method, pseudo, _cost(loose), _cost(tight), *differences])
     heads = ["g", "ratio", "elements", "way", "step s", "to 1e-3 N", "to 1e-7 N", "form off, m", "tension off, N",
              "energy off, J"]  # fmt: skip
     default = settled(13, 0.0, "kinetic", atol=1e-3).seconds
@@ -73,11 +71,12 @@ def _nets(quick):
         "`ratio` of the initial ones, 1 kg a node, at most 1000 steps.",
         f"Saddle with g = 13, ratio 0, kinetic damping to 1e-3 N, mass 1 kg and step 1 s, the defaults: "
         f"{1e3 * default:.0f} ms, {PEER / default:.0f} times faster than the {PEER} s of the peer.",
-        "With ratios 0 and 0.5, and 0.9 on the coarse net, all ways that converge find one form. At 0.9 and g = 13 parts "
-        "of the net are shorter than their rest lengths. Where springs may push, it then has several equilibria, and "
-        "that of least energy is not the one that the equilibrium engine finds; where they may not, slack ones leave "
-        "nodes free: energy and tensions are the same, the form is not determined. The correction of kinetic damping (kinetic-q) may go round in a cycle with implicit steps of 1 s; "
-        "longer ones, nearer to Newton's method, mostly end it.",
+        "With ratios 0 and 0.5, and 0.9 on the coarse net, all ways that converge find one form. At 0.9 and g = 13 "
+        "parts of the net are shorter than their rest lengths. Where springs may push, it then has several stable "
+        "equilibria, and that of least energy is not the one that the equilibrium engine finds; where they may not, "
+        "slack ones leave nodes free: energy and tensions are the same, the form is not determined. The correction of "
+        "kinetic damping (kinetic-q) may go round in a cycle with implicit steps of 1 s; longer ones, nearer to "
+        "Newton's method, mostly end it.",
     )
 
 
