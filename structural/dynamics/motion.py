@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from structural.assembly import Assembly, Prepared
-from structural.chains import Chains, tensions
+from structural.chains import Chains
 from structural.structure import Loads
 
 T = TypeVar("T")
@@ -98,7 +98,7 @@ class Motion:
         self._mass, mass_moves = _function(mass)
         self._chains, chains_move = _function(chains)
         self._loads, loads_move = _function(loads)
-        self._constant = not (mass_moves or chains_move or loads_move)
+        self._constant, self.chains_move = not (mass_moves or chains_move or loads_move), chains_move
         self._at: tuple[float, Any] | None = None
 
     def mass(self, t: float) -> "Mass":
@@ -161,10 +161,13 @@ class Motion:
         """Strain energy of all elements, J."""
         return self.assembly.energy(self.positions(state.q), self.chains(state.t))
 
-    def reeling_power(self, state: State) -> float:
-        """Power W that changes of rest length put into the structure: -T dl0/dt, negative for line given out."""
-        x, power = self.positions(state.q), 0.0
-        for c in self.chains(state.t):
-            if c.l0_rate is not None:
-                power -= float(tensions(x, c) @ c.l0_rate)
-        return power
+    def reeling_work(self, state: State, new: State) -> float:
+        """Work J that changes of the elements put into the structure between two states: of rest length, -T dl0, and of
+        the stiffness that goes with it, by which line that is reeled in takes its strain energy along.
+        """
+        if not self.chains_move:
+            return 0.0
+        places = [self.positions(s.q) for s in (state, new)]
+        before, after = self.chains(state.t), self.chains(new.t)
+        energy = self.assembly.energy
+        return 0.5 * sum(energy(x, after) - energy(x, before) for x in places)

@@ -134,6 +134,17 @@ def test_rest_length_that_would_become_negative_is_refused_and_nothing_is_lost()
     core.step(DT, DT)
 
 
+def test_energy_is_balanced_while_a_tether_is_reeled_in_far():
+    core = _tether(start_in_equilibrium=1.0, gravity=9.81, line_damping_time=0.1)
+    for k in range(100):
+        core.set("tether_length_rate", -0.1 if k < 80 else 0.0)  # 0.4 m, a strain of 1.3e-3
+        core.step(k * DT, DT)
+    stored = float(core.get("elastic_energy"))
+    assert stored > 200.0  # J
+    assert float(core.get("reeling_work")) == pytest.approx(stored, rel=0.01)  # gravity and dampers take little
+    assert abs(float(core.get("numerical_loss"))) < 2e-3 * stored
+
+
 @pytest.mark.parametrize("dt", [0.0, -0.1, float("nan"), float("inf")])
 def test_time_goes_forward(dt):
     core = _blown(_tether())
