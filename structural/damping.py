@@ -47,6 +47,14 @@ def damping_forces(x, v, chains):
     return _viscous(stretch, rate, chains)[0][:, None, None] * length_gradient(u)
 
 
+def reeling_power(x, v, chains):
+    """Power W that changes of rest length put into the dampers, -F dl0/dt, all of which these turn into heat."""
+    if chains.c is None or chains.l0_rate is None:
+        return 0.0
+    _, _, _, _, stretch, _, rate = _rates(x, v, chains)
+    return -float(_viscous(stretch, rate, chains)[0] @ chains.l0_rate)
+
+
 def damping_forces_and_tangents(x, v, chains, isotropic=False):
     """Forces N (e,m,3), and derivatives (e,3m,3m) by positions N/m and by velocities N s/m.
 

@@ -183,14 +183,15 @@ class _Run:
 
     def _forces(self, state):
         _, damping, external = self.motion.forces(state.q, state.v, state.t)
-        return external, damping
+        return external, damping, self.motion.reeling_power(state)
 
     def _book(self, new):
         b, before = self.balance, self._powers
-        external, damping = self._powers = self._forces(new)
+        external, damping, heat = self._powers = self._forces(new)
         moved = new.q - self.state.q
         work, lost = (0.5 * float((f + g) @ moved) for f, g in ((before[0], external), (before[1], damping)))
-        reeled = self.motion.reeling_work(self.state, new)
+        heated = 0.5 * (before[2] + heat) * (new.t - self.state.t)
+        reeled, lost = self.motion.reeling_work(self.state, new) + heated, lost + heated
         held = b.kinetic + b.elastic + b.numerical_loss
         b.kinetic, b.elastic = self.motion.kinetic_energy(new), self.motion.elastic_energy(new)
         b.work, b.dissipated, b.reeled = b.work + work, b.dissipated + lost, b.reeled + reeled

@@ -9,6 +9,7 @@ import scipy.sparse.linalg as spla
 
 from structural.assembly import Assembly, Prepared
 from structural.chains import Chains
+from structural.damping import reeling_power
 from structural.structure import Loads
 
 T = TypeVar("T")
@@ -160,6 +161,11 @@ class Motion:
     def elastic_energy(self, state: State) -> float:
         """Strain energy of all elements, J."""
         return self.assembly.energy(self.positions(state.q), self.chains(state.t))
+
+    def reeling_power(self, state: State) -> float:
+        """Power W that changes of rest length put into the dampers; see `reeling_work` for the rest."""
+        x, v = self.positions(state.q), self.velocities(state.v)
+        return sum(reeling_power(x, v, c) for c in self.chains(state.t)) if self.chains_move else 0.0
 
     def reeling_work(self, state: State, new: State) -> float:
         """Work J that changes of the elements put into the structure between two states: of rest length, -T dl0, and of
