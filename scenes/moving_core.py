@@ -65,7 +65,8 @@ class MovingCore(StructuralCore):
             before = self._before
         started = self._fresh and self._scalar("start_in_equilibrium")
         state = self._settled(now) if started else (self._x, self._v, self._a, self._past)
-        motion, symmetric = self._motion(state, before, now, lengths, dt)
+        air = self._air_mass()
+        motion, symmetric = self._motion(state, before, now, lengths, air, dt)
         begin = self._state(motion, state)
         if self._fresh or self._before is None or not self._scalar("loads_vary"):
             begin = motion.again(begin)
@@ -85,7 +86,7 @@ class MovingCore(StructuralCore):
             self._past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.moves(end.past[2]))
             self._before = now
             self._lengths = {name: (lengths[name][1], self._scalar(name)) for name in self._tapes}
-            self._show_motion(result, now, symmetric)
+            self._show_motion(result, now, air, symmetric)
         self._stale, self._solved = False, False
 
     def _integrator(self):
@@ -118,7 +119,7 @@ class MovingCore(StructuralCore):
         dead[:, 2] -= change * self._scalar("gravity")
         return replace(loads, dead=dead)
 
-    def _motion(self, state, before, now, lengths, dt):
+    def _motion(self, state, before, now, lengths, air, dt):
         """Equations of motion over the step, and whether one half is solved. Time counts from its beginning, so that
         results do not depend on the rounding of times.
         """
@@ -150,8 +151,6 @@ class MovingCore(StructuralCore):
             s = part(at)
             pairs = {k: (getattr(before, k), getattr(now, k)) for k in (*LOADS, "dead")}
             return Loads(**{k: b if a is None or a is b else a + s * (b - a) for k, (a, b) in pairs.items()})
-
-        air = self._air_mass()
 
         def mass(at):
             own = self._members.mass_with(wing_mass)
@@ -235,7 +234,7 @@ class MovingCore(StructuralCore):
         super()._show_shape()
         self._put("velocity", self._interface.weights @ self._v)
 
-    def _show_motion(self, result, loads, symmetric):
+    def _show_motion(self, result, loads, air, symmetric):
         self._show_shape()
         for name, energy in ENERGIES.items():
             self._put(name, getattr(result.balance, energy))
@@ -246,7 +245,10 @@ class MovingCore(StructuralCore):
         force += loads.dead.sum(axis=0)
         if loads.line_load is not None:
             force += line_load_forces(surface[self._interface.lines], loads.line_load).sum(axis=(0, 1))
-        self._put("support_force", force - self._node_mass() @ self._a)  # what moves no node is held; without its air
+        inertia = self._node_mass() @ self._a
+        if air is not None:
+            inertia = inertia + np.einsum("nij,nj->i", air, self._a)
+        self._put("support_force", force - inertia)  # what moves no node is held
         self._put("integration_steps", result.steps)
         self._put("newton_iterations", result.newton_iterations)
         self._put("symmetry_used", float(symmetric))

@@ -1,6 +1,7 @@
 """The structure of scenes in motion: time, loads within a step, reeling, state, refusals."""
 
 import pickle
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -207,6 +208,42 @@ def test_a_kite_in_motion_stays_symmetric_in_symmetric_wind_and_steers_when_a_ta
     core.step(0.02, 0.02)
     assert not core.get("symmetry_used")
     assert np.isfinite(y).all()
+
+
+@pytest.mark.parametrize("added", [0.0, 1.0])
+def test_supports_hold_what_the_lines_at_them_pull(added):
+    scene = load("v3_kite_dynamic")
+    core, flow = scene.structural_core(), scene.aero_core()
+    for name, value in scene.with_trim({}).items():
+        for one in (core, flow):
+            one.set(name, value)
+    core.set("added_mass_coefficient", added)
+    for k in range(5):  # out of rest: the inertia counts
+        flow.set("displacement", core.get("displacement"))
+        flow.set("velocity", core.get("velocity"))
+        flow.set("wind_speed", 12.0 + 0.2 * k)
+        flow.step(0.02 * k, 0.02)
+        for name in ("pressure", "shear", "line_load"):
+            core.set(name, flow.get(name))
+        core.step(0.02 * k, 0.02)
+    x, at = core.get("position"), scene.pivot
+    pull, start = np.zeros(3), 0
+    for group in scene.members.chains:
+        for e, nodes in enumerate(group.nodes):
+            for a, b in pairwise(nodes):
+                if at in (a, b):
+                    other = b if a == at else a
+                    along = (x[other] - x[at]) / np.linalg.norm(x[other] - x[at])
+                    pull += core.get("tension")[start + e] * along
+        start += len(group.l0)
+    own = scene.members.mass[at] * 9.81  # the control unit hangs at the bridle point itself
+    lines = flow.get("line_load"), scene.interface
+    ends = (lines[1].nodes + core.get("displacement"))[lines[1].lines]
+    half = 0.5 * lines[0] * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
+    held = np.linalg.norm(ends - x[at], axis=2) < 1e-9
+    wind = half[held.any(axis=1)].sum(axis=0)
+    # dampers are not in the tensions, and accelerations are those of the middle of the last integration step
+    assert core.get("support_force") == pytest.approx(pull + wind - [0.0, 0.0, own], rel=0.02, abs=10.0)
 
 
 def test_air_that_moves_with_the_wing_slows_it_along_its_normals_only():
