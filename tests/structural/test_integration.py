@@ -30,6 +30,21 @@ def test_an_undamped_oscillator_shows_the_order_of_the_scheme(scheme):
     assert abs(np.log2(coarse / fine) - scheme.order) < 0.05
 
 
+@pytest.mark.parametrize("solver", ["direct", "bicgstab"])
+@pytest.mark.parametrize("isotropic", [False, True])
+def test_steps_as_the_thesis_makes_them_settle_at_the_same_rest(solver, isotropic):
+    n = 6
+    nodes = np.zeros((n, 3))
+    nodes[:, 0] = np.linspace(0.0, 1.0, n)
+    dead = np.tile([0.0, 0.0, -1.0], (n, 1))
+    motion, x = particles(nodes, [0, n - 1], row(n, 100.0, 0.1, c=5.0), dead=dead)
+    ends = [
+        integrate(motion, motion.at(x), 200.0, scheme, step=0.5).state.q
+        for scheme in (ImplicitEuler(), ImplicitEuler(linear=True, solver=solver, isotropic=isotropic))
+    ]
+    assert np.abs(ends[0] - ends[1]).max() < (1e-9 if solver == "direct" else 1e-4)  # BiCGSTAB ends at 1e-5 m/s
+
+
 @pytest.mark.parametrize("c", [2.0, 20.0, 50.0], ids=["under", "critical", "over"])
 @pytest.mark.parametrize("scheme", ALL, ids=str)
 def test_damped_oscillators_follow_their_closed_form_with_the_order_of_the_scheme(scheme, c):
