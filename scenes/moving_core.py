@@ -76,7 +76,8 @@ class MovingCore(StructuralCore):
             atol=self._scalar("solver_tolerance"), energy=balance,
         )  # fmt: skip
         if not result.finished:
-            raise StepFailed(f"the motion cannot be integrated from {t:.6g} s on: {result.message}")
+            why = result.message[0].lower() + result.message[1:]
+            raise StepFailed(f"the motion cannot be integrated beyond {t + result.state.t:.6g} s: {why}")
         self._unsolved()
         with self._finite_results():
             self._fresh = False

@@ -114,8 +114,7 @@ class _Run:
         return Integration(self.state, self.status, self.message, *parts)
 
     def _end(self, status, why):
-        self.status = status
-        self.message = f"At {self.state.t:.6g} s {why}."
+        self.status, self.message = status, f"{why}."
         return False
 
     def _tried(self, h):
@@ -145,7 +144,7 @@ class _Run:
         self.rejected += 1
         self.refused += 1
         if halvings == 0 or self.refused > PATIENCE:
-            return self._end("newton_failed", "the equations of a step could not be solved, however small it was")
+            return self._end("newton_failed", "The equations of a step could not be solved, however small it was")
         middle = 0.5 * (self.state.t + end)
         return self._reach(middle, halvings - 1) and self._reach(end, halvings - 1)
 
@@ -170,7 +169,7 @@ class _Run:
             self.rejected += 1
             self.step = h * min(max(factor, SHRINK), SAFETY) if np.isfinite(error) else 0.25 * h
             if self.step < smallest:
-                self._end("step_too_small", f"the step had to shrink below {smallest:.1g} s")
+                self._end("step_too_small", f"The step had to shrink below {smallest:.1g} s")
                 return
 
     def _accept(self, new):
