@@ -37,7 +37,7 @@ class Balance:
 
 @dataclass(frozen=True, eq=False)
 class Integration:
-    """End of a run: `state`, "finished" or why not ("newton_failed", "not_finite", "step_too_small"), and a sentence;
+    """End of a run: `state`, "finished" or why not ("newton_failed", "step_too_small"), and a sentence;
     steps made and refused, Newton iterations, energy `balance` if asked for, size s of the steps at the end.
     """
 
