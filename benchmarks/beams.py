@@ -5,7 +5,6 @@ import functools
 import time
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from structural import (
@@ -120,7 +119,7 @@ def spring_cells(count, factor):
     springs = Chains(links, l0, np.full(len(links), 1.0 / (factor * side**3)), np.ones(len(links), dtype=bool))
     fixed = np.zeros((len(nodes), 3), dtype=bool)
     fixed[:4] = True
-    return Structure(nodes, fixed, (springs,), sp.csr_array((0, len(nodes))), np.zeros((0, 4), dtype=int))
+    return Structure(nodes, fixed, (springs,))
 
 
 def spring_tip(count, factor, load):
@@ -128,7 +127,7 @@ def spring_tip(count, factor, load):
     s = spring_cells(count, factor)
     dead = np.zeros_like(s.nodes)
     dead[-4:, 1] = 0.25 * load
-    found = equilibrium(Assembly(s), s.chains, Loads(np.zeros(0), None, dead), s.nodes, atol=1e-8)
+    found = equilibrium(Assembly(s), Loads(dead), s.nodes, atol=1e-8)
     end = found.x[-4:].mean(axis=0)
     return found.status, np.array([end[1], 1.0 - end[0]])
 

@@ -1,7 +1,6 @@
 """Cantilevers of beams along a straight line or an arc, and the closed form of their large deflections in a plane."""
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
@@ -16,8 +15,7 @@ def cantilever(nodes, section, across=None):
     fixed = np.zeros((n, 3), dtype=bool)
     fixed[0] = True
     beams = Beams(ends, ends, reference_axes(nodes, ends, across), l0, section)
-    nothing = sp.csr_array((0, n)), np.zeros((0, 4), dtype=int)
-    return Structure(nodes, fixed, (), *nothing, beams=(beams,), frames=np.arange(n), clamped=fixed.copy())
+    return Structure(nodes, fixed, (beams,), frames=np.arange(n), clamped=fixed.copy())
 
 
 def straight(count, length=1.0):
@@ -40,8 +38,8 @@ def tip_loaded(structure, force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), steps=1
     dead[-1], turning[-1] = force, moment
     x, rotations = structure.nodes, None
     for k in range(1, steps + 1):
-        loads = Loads(np.zeros(0), None, k / steps * dead, moment=k / steps * turning)
-        found = equilibrium(assembly, (), loads, x, rotations=rotations, **how)
+        loads = Loads(k / steps * dead, moment=k / steps * turning)
+        found = equilibrium(assembly, loads, x, **how, rotations=rotations)
         x, rotations = found.x, found.rotations
     return found
 

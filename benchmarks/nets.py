@@ -1,7 +1,6 @@
 """Nets for the structural solver alone."""
 
 import numpy as np
-import scipy.sparse as sp
 
 from structural import Chains, Structure
 
@@ -24,4 +23,4 @@ def saddle(g, ratio, two_way):
     length = np.linalg.norm(nodes[springs[:, 1]] - nodes[springs[:, 0]], axis=1)
     net = Chains(springs, ratio * length, np.full(len(springs), 10.0), np.full(len(springs), two_way))
     fixed = np.repeat(edge[:, None], 3, axis=1)
-    return Structure(nodes, fixed, (net,), sp.csr_array((0, len(nodes))), np.zeros((0, 4), dtype=int))
+    return Structure(nodes, fixed, (net,))

@@ -28,7 +28,7 @@ TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)  # m a step
 
 
 def _moving(s):
-    motion = Motion(s.assembly, s.mass, s.chains, s.loads)
+    motion = Motion(s.assembly, s.mass, s.loads, s.groups)
     return motion, motion.at(s.x)
 
 

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.optimize import brentq, nnls
 
-from structural import Assembly, Chains, Loads, Structure, equilibrium
+from structural import Assembly, Chains, FaceLoad, Faces, Loads, Structure, equilibrium
 
 from .particle_models import System
 
@@ -185,8 +184,8 @@ def membrane(n, q, net, layout="blocked", turn=0.0, stiffness=1.0):
     chains = (Chains(links, l0, k, np.ones(len(k), dtype=bool)),)
     rho = np.hypot(*unit[:, :2].T)
     edge = np.repeat((rho > 1.0 - 1e-9)[:, None], 3, axis=1)
-    s = Structure(x, edge, chains, sp.eye_array(len(x), format="csr"), quads)
-    loads = Loads(np.full(len(quads), net.pressure * q * stiffness / RADIUS), None, np.zeros_like(x))
+    s = Structure(x, edge, chains, {"panels": Faces(quads)})
+    loads = Loads(np.zeros_like(x), {"panels": FaceLoad(np.full(len(quads), net.pressure * q * stiffness / RADIUS))})
     start = x.copy()
     start[:, 2] = np.where(edge[:, 0], 0.0, RADIUS * series(net.pressure * q, 0.0, rho))
     return System(Assembly(s), chains, loads, start, np.ones(len(x)))
@@ -195,5 +194,5 @@ def membrane(n, q, net, layout="blocked", turn=0.0, stiffness=1.0):
 def inflated(n, q, net, layout="blocked", turn=0.0, stiffness=1.0):
     """The net of `membrane` in equilibrium."""
     s = membrane(n, q, net, layout, turn, stiffness)
-    found = equilibrium(s.assembly, s.chains, s.loads, s.x, atol=1e-9 * stiffness)
+    found = equilibrium(s.assembly, s.loads, s.x, atol=1e-9 * stiffness, groups=s.groups)
     return Inflated(s.assembly.structure.nodes, found.x, found.status, found.iterations, found.unstable_modes)

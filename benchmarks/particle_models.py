@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 
-from structural import Assembly, Chains, Loads, Structure, Wind
+from structural import Assembly, Chains, Legs, Loads, Structure, Wind
 
 from .nets import saddle
 
@@ -18,10 +17,12 @@ LENGTH, DIAMETER, MODULUS, DRAG, SPEED, AIR = 300.0, 0.004, 70e9, 1.22, 6.0, 1.2
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """A particle system: `assembly`, `chains`, `loads`, positions `x` (n,3) m to start from, masses (n,) kg."""
+    """A particle system: `assembly`, `groups` of elements, `loads`, positions `x` (n,3) m to start from, masses (n,)
+    kg.
+    """
 
     assembly: Assembly
-    chains: tuple[Chains, ...]
+    groups: tuple[Chains, ...]
     loads: Loads
     x: np.ndarray
     mass: np.ndarray
@@ -38,9 +39,8 @@ def row(x, k, l0, c=0.0, two_way=True, dead=None, wind=None, mass=1.0, free_end=
     links, e = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1), n - 1
     full = [np.broadcast_to(np.asarray(v), e).copy() for v in (float(l0), float(k), two_way)]
     chains = (Chains(links, *full, (), np.full(e, float(c))),)
-    exposed = {"exposed": links, "diameter": np.full(e, DIAMETER)} if wind is not None else {}
-    s = Structure(x, fixed, chains, sp.csr_array((0, n)), np.zeros((0, 4), dtype=int), **exposed)
-    loads = Loads(np.zeros(0), None, np.zeros((n, 3)) if dead is None else dead, wind=wind)
+    s = Structure(x, fixed, chains, {} if wind is None else {"legs": Legs(links, np.full(e, DIAMETER))})
+    loads = Loads(np.zeros((n, 3)) if dead is None else dead, {} if wind is None else {"legs": wind})
     return System(Assembly(s), chains, loads, x, np.broadcast_to(mass, n))
 
 
@@ -71,8 +71,8 @@ def net(n, k, c, two_way=True):
     """b4: the self-stressed net of section 6.4 as a saddle of n = 13, 41, 85, 181 particles, rest lengths halved."""
     g = {13: 3, 41: 5, 85: 7, 181: 10}[n]
     s = saddle(g, 0.5, two_way)
-    chains = tuple(replace(a, k=np.full(len(a.k), k), c=np.full(len(a.k), c)) for a in s.chains)
-    loads = Loads(np.zeros(0), None, np.zeros_like(s.nodes))
+    chains = tuple(replace(a, k=np.full(len(a.k), k), c=np.full(len(a.k), c)) for a in s.groups)
+    loads = Loads(np.zeros_like(s.nodes))
     return System(Assembly(s), chains, loads, s.nodes.copy(), np.ones(len(s.nodes)))
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from structural import Assembly, Loads, tensions
+from structural import Assembly, Configuration, Loads, tensions
 from structural.dynamics import METHODS, Form, form_finding
 
 from .nets import saddle
@@ -31,12 +31,12 @@ class Settled:
 def settled(g, ratio, method, two_way=True, atol=1e-7, step=1.0, max_steps=1000):
     """The saddle net found in one way; the assembly is made before the clock starts, as the thesis does."""
     s = saddle(g, ratio, two_way)
-    chains = tuple(replace(c, c=np.ones_like(c.k)) for c in s.chains)
-    assembly, loads = Assembly(s), Loads(np.zeros(0), None, np.zeros_like(s.nodes))
+    chains = tuple(replace(c, c=np.ones_like(c.k)) for c in s.groups)
+    assembly, loads = Assembly(s), Loads(np.zeros_like(s.nodes))
     begin = time.perf_counter()
-    form = form_finding(assembly, chains, loads, s.nodes, method, atol=atol, step=step, max_steps=max_steps)
+    form = form_finding(assembly, loads, s.nodes, method, atol=atol, step=step, max_steps=max_steps, groups=chains)
     took = time.perf_counter() - begin
-    return Settled(form, took, assembly.energy(form.x, chains), tensions(form.x, chains[0]))
+    return Settled(form, took, assembly.energy(Configuration(form.x), chains), tensions(form.x, chains[0]))
 
 
 def _cost(found):

@@ -69,11 +69,11 @@ def pushed(series, n):
 def self_stressed(series, g):
     """b4: the saddle net of 6e4 N/m, 1 N s/m, 1 kg a particle; the answer is the out-of-balance force."""
     s = saddle(g, 0.5, True)
-    chains = tuple(replace(c, k=np.full_like(c.k, 6e4), c=np.ones_like(c.k)) for c in s.chains)
-    assembly, loads = Assembly(s), Loads(np.zeros(0), None, np.zeros_like(s.nodes))
+    chains = tuple(replace(c, k=np.full_like(c.k, 6e4), c=np.ones_like(c.k)) for c in s.groups)
+    assembly, loads = Assembly(s), Loads(np.zeros_like(s.nodes))
 
     def work():
-        form = form_finding(assembly, chains, loads, s.nodes, series)
+        form = form_finding(assembly, loads, s.nodes, series, groups=chains)
         return Outcome(form.residuals[-1], {"dof": 3 * len(s.nodes), "steps": form.iterations}, form.status)
 
     yield work

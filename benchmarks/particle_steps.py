@@ -5,7 +5,6 @@ import time
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from structural import Assembly, Chains, Loads, Structure
 from structural.dynamics import BDF2, GeneralisedAlpha, ImplicitEuler, Motion, integrate
@@ -34,20 +33,20 @@ def chain(n):
     k = np.full(e, 2933.3 * e)
     chains = (Chains(links, np.full(e, 300.0 / e), k, np.zeros(e, bool), (), 7.7e-4 * k),)
     mass = np.full(n, 3.6 / e)
-    return _motion(Structure(x, fixed, chains, sp.csr_array((0, n)), np.zeros((0, 4), int)), chains, mass)
+    return _motion(Structure(x, fixed, chains), chains, mass)
 
 
 def square(n):
     """The saddle net with about n nodes, rest lengths halved, 10 g a node, plucked by gravity."""
     g = round(0.5 + np.sqrt(0.5 * n - 0.25))
     s = saddle(g, 0.5, False)
-    chains = tuple(replace(c, c=0.01 * c.k) for c in s.chains)
+    chains = tuple(replace(c, c=0.01 * c.k) for c in s.groups)
     return _motion(s, chains, np.full(len(s.nodes), 0.01))
 
 
 def _motion(structure, chains, mass):
     dead = np.outer(mass, [0.0, 0.0, -G])
-    motion = Motion(Assembly(structure), mass, chains, Loads(np.zeros(0), None, dead))
+    motion = Motion(Assembly(structure), mass, Loads(dead), chains)
     return motion, motion.at(structure.nodes)
 
 

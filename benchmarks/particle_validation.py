@@ -66,7 +66,7 @@ def moving(s):
     """The equations of motion of a system."""
     from structural.dynamics import Motion
 
-    return Motion(s.assembly, s.mass, s.chains, s.loads)
+    return Motion(s.assembly, s.mass, s.loads, s.groups)
 
 
 def settled(step=0.1, steps=1000):
@@ -83,7 +83,7 @@ def catenary(n, stiffness=CABLE_EA):
     mass[[0, -1]] *= 0.5
     k, l0 = stiffness / CABLE * (n - 1), CABLE / (n - 1)
     s = row(straight(n, SPAN), k, l0, two_way=False, dead=np.outer(mass, [0.0, 0.0, -G]))
-    form = form_finding(s.assembly, s.chains, s.loads, s.x, atol=1e-7)
+    form = form_finding(s.assembly, s.loads, s.x, atol=1e-7, groups=s.groups)
     exact = elastic_catenary(CABLE, SPAN, CABLE_WEIGHT, stiffness, np.linspace(0.0, CABLE, n))
     return float(np.linalg.norm(form.x[:, [0, 2]] - exact, axis=1).max()), form
 
@@ -92,7 +92,7 @@ def deflection(n=25, factor=1.0, law="inclined"):
     """Deflection m of validation 3 with n particles."""
     k = MODULUS * 0.25 * np.pi * DIAMETER**2 / LENGTH * (n - 1)
     s = row(straight(n, LENGTH, 2), k, LENGTH / (n - 1), two_way=False, wind=wind(factor, law))
-    form = form_finding(s.assembly, s.chains, s.loads, s.x, atol=1e-6)
+    form = form_finding(s.assembly, s.loads, s.x, atol=1e-6, groups=s.groups)
     return float(form.x[:, 0].max()), form
 
 
@@ -109,7 +109,7 @@ def _first(_quick):
     ]
     still = hanging_still()
     s = dropped()
-    form = form_finding(s.assembly, s.chains, s.loads, s.x, atol=1e-6)
+    form = form_finding(s.assembly, s.loads, s.x, atol=1e-6, groups=s.groups)
     return lines(
         table(["scheme", "step s", "first frequency Hz", "off"], rows),
         f"Closed form sqrt(k_S / m) / 2 pi = {exact:.5f} Hz (massless tether; its own mass takes 0.003 %); thesis "

@@ -25,8 +25,8 @@ NETS = {
 
 def linear(s):
     """Positions of a net of zero rest length by one sparse solve of its Laplacian: the exact equilibrium."""
-    a, b = s.chains[0].nodes.T
-    n, k, free = len(s.nodes), s.chains[0].k, ~s.fixed[:, 0]
+    a, b = s.groups[0].nodes.T
+    n, k, free = len(s.nodes), s.groups[0].k, ~s.fixed[:, 0]
     pull = sp.coo_array((np.concatenate([k, k]), (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
     laplace = sp.csr_array(sp.diags_array(np.asarray(pull.sum(axis=1))) - pull)
     x = s.nodes.copy()
@@ -47,18 +47,18 @@ def net(series, g):
 def net_in_equilibrium(series, g):
     """Assembly and solve from the start of the thesis; the answer is the out-of-balance force."""
     s = net(series, g)
-    loads = Loads(np.zeros(0), None, np.zeros_like(s.nodes))
+    loads = Loads(np.zeros_like(s.nodes))
 
     checked = Assembly(s)
 
     def direct():
         q = checked.unknowns.restrict(linear(s))
-        left, _ = checked.residual(q, checked.prepare(s.chains, loads))
+        left, _ = checked.residual(q, checked.prepare(loads))
         return Outcome(checked.unknowns.norm(left), columns(checked, 0))
 
     def newton():
         assembly = Assembly(s)
-        result = equilibrium(assembly, s.chains, loads, s.nodes, atol=TOLERANCE)
+        result = equilibrium(assembly, loads, s.nodes, atol=TOLERANCE)
         return Outcome(result.residual, columns(assembly, result.iterations), result.status)
 
     def columns(assembly, iterations):

@@ -27,7 +27,7 @@ from fmus.accessors import ValueSlave
 from fmus.buffer import Buffer
 from fmus.description import add_variables, describe_model
 from fmus.sharing import end_cleanly, share_modules
-from scenes.variables import StepFailed, Variable
+from interface import StepFailed, Variable
 
 SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
 STATE = b"kitecosim state 1\n"  # what a serialised state begins with; its SHA-256 and a pickle follow

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmus.description import scalar_names
-from scenes.variables import Variable
+from interface import Variable
 
 LARGEST = float(np.finfo(float).max)  # what is not within it is infinite or not a number
 REMEMBERED = 256  # lists of value references: an importer repeats a few

@@ -8,7 +8,7 @@ from itertools import product
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from scenes.variables import Variable
+from interface import Variable
 
 # Exponents of the SI base units of the symbols that a unit may be made of (FMI 2.0.4, section 2.2.2).
 BASE_UNITS: dict[str, dict[str, int]] = {

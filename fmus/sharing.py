@@ -10,7 +10,7 @@ from pathlib import Path
 
 import scenes
 
-PACKAGES = ("structural", "aero", "scenes", "fmus")  # what an FMU carries
+PACKAGES = ("interface", "structural", "aero", "scenes", "fmus")  # what an FMU carries
 
 
 def share_modules(resources: Path) -> None:

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from aero import SurfaceGrid, VortexStep, WingSensitivity, line_loads_derivative
+from interface import StepFailed, Variable
 from structural import mirror_permutation
 
 from .flow import FlowCore
 from .symmetry import symmetrised
-from .variables import StepFailed, Variable
 
 # Difference of mirrored points, m, that still counts as symmetric: what a half structure leaves by rounding.
 LOPSIDED = 1e-9

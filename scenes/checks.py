@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from structural import canonical_chains, mirror_permutation, mirror_rows
+from interface.mirror import MIRROR, canonical_chains, mirror_permutation, mirror_rows
 
 MISFIT = 0.05  # part of the rest length
 TOGETHER = 1e-6  # m, as for mirror images
@@ -23,7 +23,7 @@ def asymmetry(members, chains):
     nodes, labels = members.nodes, members.labels
     image = mirror_permutation(nodes)
     if image is None:
-        flipped = nodes * np.array([1.0, -1.0, 1.0])
+        flipped = nodes * MIRROR
         distance = np.linalg.norm(nodes[:, None] - flipped[None], axis=2)
         gap = distance.min(axis=1)
         worst = int(np.argmax(gap))

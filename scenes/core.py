@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from interface import StepFailed, Variable
+
 from .tables import SceneError
-from .variables import StepFailed, Variable
 
 
 class Core:

@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 
 from aero import line_loads
+from interface import StepFailed, Variable
 
 from .core import Core
 from .interface import rotated
-from .variables import StepFailed, Variable
 
 
 class FlowCore(Core):

@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from structural import Loads, area_vectors, equilibrium, line_load_forces, surface_forces
+from interface import MIRROR, StepFailed
+from structural import area_vectors, equilibrium, line_load_forces, surface_forces
 from structural.dynamics import SCHEMES, Balance, GeneralisedAlpha, Motion, State, integrate
 
 from .structural_core import StructuralCore
 from .symmetry import symmetric_state
 from .tables import SceneError
-from .variables import StepFailed
 
-LOADS = ("pressure", "shear", "line_load")
 ENERGIES = {
     "kinetic_energy": "kinetic", "elastic_energy": "elastic", "external_work": "work", "reeling_work": "reeled",
     "dissipated_energy": "dissipated", "numerical_loss": "numerical_loss",
@@ -148,10 +147,12 @@ class MovingCore(StructuralCore):
                 groups.append(replace(group, c=damping, l0_rate=None if rates is None else rates[rows]))
             return tuple(groups)
 
+        def groups(at):
+            return self._groups(chains(at))
+
         def loads(at):
             s = part(at)
-            pairs = {k: (getattr(before, k), getattr(now, k)) for k in (*LOADS, "dead")}
-            return Loads(**{k: b if a is None or a is b else a + s * (b - a) for k, (a, b) in pairs.items()})
+            return before.between(now, s)
 
         def mass(at):
             own = self._members.mass_with(wing_mass)
@@ -159,8 +160,7 @@ class MovingCore(StructuralCore):
             return own if air is None else own[:, None, None] * np.eye(3) + air
 
         symmetric = bool(self._values["symmetric"]) and self._mirrored(chains(0.0), before, now, state)
-        same = all(getattr(before, k) is getattr(now, k) for k in (*LOADS, "dead"))
-        given = (mass, chains, loads) if not steady else (mass(0.0), chains(0.0), now if same else loads)
+        given = (mass, loads, groups) if not steady else (mass(0.0), now if before is now else loads, groups(0.0))
         try:
             return Motion(self._assembly(symmetric, False), *given), symmetric
         except ValueError as error:
@@ -200,7 +200,7 @@ class MovingCore(StructuralCore):
             self._mirrored_supports
             and symmetric_chains(chains, self._mirror)
             and all(symmetric_state(loads, x, self._mirror, self._images) for loads in (before, now))
-            and np.abs(v - v[self._mirror] * np.array([1.0, -1.0, 1.0])).max() <= 1e-6 * (1.0 + np.abs(v).max())
+            and np.abs(v - v[self._mirror] * MIRROR).max() <= 1e-6 * (1.0 + np.abs(v).max())
         )
 
     def _state(self, motion, state):
@@ -219,7 +219,7 @@ class MovingCore(StructuralCore):
         chains, mirrored = self._present_chains()
         symmetric = bool(self._values["symmetric"]) and mirrored
         symmetric = symmetric and symmetric_state(loads, self._x, self._mirror, self._images)
-        found = equilibrium(self._assembly(symmetric, False), chains, loads, self._x, 1e-4)
+        found = equilibrium(self._assembly(symmetric, False), loads, self._x, 1e-4, groups=self._groups(chains))
         if not found.converged:
             raise StepFailed(
                 f"no equilibrium to start from: {found.residual:.3g} N out of balance after {found.iterations} Newton "
@@ -242,10 +242,14 @@ class MovingCore(StructuralCore):
         for name, (length, _) in self._lengths.items():
             self._put(f"{name}_present", length)
         surface = self._interface.weights @ self._x
-        force = surface_forces(surface[self._interface.panels], loads.pressure, loads.shear).sum(axis=(0, 1))
-        force += loads.dead.sum(axis=0)
-        if loads.line_load is not None:
-            force += line_load_forces(surface[self._interface.lines], loads.line_load).sum(axis=(0, 1))
+        panels, lines = loads.on.get("panels"), loads.on.get("lines")
+        force = loads.dead.sum(axis=0)
+        if panels is not None:
+            force = (
+                surface_forces(surface[self._interface.panels], panels.pressure, panels.shear).sum(axis=(0, 1)) + force
+            )
+        if lines is not None:
+            force = force + line_load_forces(surface[self._interface.lines], lines.per_length).sum(axis=(0, 1))
         inertia = self._node_mass() @ self._a
         if air is not None:
             inertia = inertia + np.einsum("nij,nj->i", air, self._a)

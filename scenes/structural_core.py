@@ -5,12 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
+from interface import StepFailed
 from structural import (
     Assembly,
     Loads,
     LoadSensitivity,
     Structure,
     equilibrium,
+    interface_groups,
+    interface_loads,
     line_load_forces,
     mirror_permutation,
     surface_forces,
@@ -26,7 +29,6 @@ from .structural_variables import structural_variables
 from .symmetry import mirror_images, symmetric_state, symmetrised
 from .tapes import Tapes
 from .tube_sections import tube_beams, tube_state
-from .variables import StepFailed
 
 # Young's modulus Pa to which lines are softened for the start of a first solve.
 EASED = 1e9
@@ -137,7 +139,11 @@ class StructuralCore(Core):
             for node, direction in rows:
                 weight[node] += self._scalar(name) * direction
         pressure = self._values.get("pressure", np.zeros(0))
-        return Loads(pressure, self._values.get("shear"), weight, self._values.get("line_load"))
+        return Loads(weight, interface_loads(pressure, self._values.get("shear"), self._values.get("line_load")))
+
+    def _groups(self, chains):
+        """All groups of elements: the chains, beams at the present pressure, bending springs."""
+        return (*chains, *self._present_beams(), *self._members.bending)
 
     def _is_held(self):
         return "hold_roll_and_yaw" in self._values and bool(self._values["hold_roll_and_yaw"])
@@ -146,14 +152,12 @@ class StructuralCore(Core):
         assembly = self._assemblies.get((symmetric, held))
         if assembly is None:
             m, i = self._members, self._interface
-            structure = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines, bending=m.bending)
+            loaded = interface_groups(i.weights, i.panels, i.lines)
+            structure = Structure(m.nodes, m.fixed, self._groups(m.chains), loaded)
             if m.wing is not None:
                 w = m.wing
                 clamped = np.zeros((len(w.frames), 3), dtype=bool)
-                structure = replace(
-                    structure, clamped=clamped, beams=self._present_beams(), frames=w.frames, riders=w.riders,
-                    carriers=w.carriers,
-                )  # fmt: skip
+                structure = replace(structure, clamped=clamped, frames=w.frames, riders=w.riders, carriers=w.carriers)
                 structure = held_structure(structure, self._held) if held else structure
             assembly = Assembly(structure, self._mirror if symmetric else None)
             self._assemblies[symmetric, held] = assembly
@@ -177,7 +181,7 @@ class StructuralCore(Core):
         beams, x, rotations = self._present_beams(), self._x, self._rotations
         if first and beams:
             x, rotations = self._eased(assembly, chains, loads, beams)
-        result = equilibrium(assembly, chains, loads, x, tolerance, beams=beams, rotations=rotations)
+        result = equilibrium(assembly, loads, x, tolerance, groups=self._groups(chains), rotations=rotations)
         if not result.converged:
             moved = np.linalg.norm(result.x - self._x, axis=1)
             raise StepFailed(
@@ -208,19 +212,16 @@ class StructuralCore(Core):
             changes = {k: symmetrised(v, lines if k == "line_load" else panels) for k, v in changes.items()}
         if self._linearised is None:
             self._linearised = self._linearisation(symmetric)
-        change = Loads(
-            changes.get("pressure", np.zeros(len(self._interface.panels))),
-            changes.get("shear"),
-            np.zeros_like(self._x),
-            changes.get("line_load"),
-        )
+        pressure = changes.get("pressure", np.zeros(len(self._interface.panels)))
+        on = interface_loads(pressure, changes.get("shear"), changes.get("line_load"))
+        change = Loads(np.zeros_like(self._x), on)
         return {"displacement": self._interface.weights @ self._linearised(change)}
 
     def _linearisation(self, symmetric):
         (chains, _), loads, held = self._present_chains(), self._present_loads(), self._is_held()
         reaction = held_moment(*self._free_residual(chains, loads), self._held, self._rotations) if held else None
-        at = self._x, self._present_beams(), self._rotations
-        return LoadSensitivity(self._assembly(symmetric, held), chains, loads, *at, reaction)
+        at = self._x, self._groups(chains), self._rotations
+        return LoadSensitivity(self._assembly(symmetric, held), loads, *at, reaction)
 
     def _eased(self, assembly, chains, loads, beams):
         """Positions and rotations to start the first solve from: the equilibrium with softened lines.
@@ -238,9 +239,10 @@ class StructuralCore(Core):
             soft.append(replace(group, k=k))
         if all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True)):
             return self._x, self._rotations
-        force = float(np.linalg.norm(loads.dead)) + float(np.abs(loads.pressure).sum())
+        pressure = np.abs(loads.on["panels"].pressure).sum() if "panels" in loads.on else 0.0
+        force = float(np.linalg.norm(loads.dead)) + float(pressure)
         near = equilibrium(
-            assembly, tuple(soft), loads, self._x, max(1e-3, 1e-6 * force), beams=beams, rotations=self._rotations
+            assembly, loads, self._x, max(1e-3, 1e-6 * force), groups=self._groups(soft), rotations=self._rotations
         )
         return (near.x, near.rotations) if near.converged else (self._x, self._rotations)
 
@@ -257,7 +259,7 @@ class StructuralCore(Core):
     def _free_residual(self, chains, loads):
         """The assembly without the hold, and what it is out of balance by (q,)."""
         free = self._assembly(False, False)
-        prepared = free.prepare(chains, loads, self._present_beams())
+        prepared = free.prepare(loads, self._groups(chains))
         return free, free.residual(free.unknowns.restrict(self._x), prepared, self._rotations)[0]
 
     @cached_property
@@ -268,9 +270,12 @@ class StructuralCore(Core):
         self._show_shape()
         surface = self._interface.weights @ self._x
         corners = surface[self._interface.panels]
-        external = surface_forces(corners, loads.pressure, loads.shear).sum(axis=(0, 1)) + loads.dead.sum(axis=0)
-        if loads.line_load is not None:
-            external += line_load_forces(surface[self._interface.lines], loads.line_load).sum(axis=(0, 1))
+        panels, lines = loads.on.get("panels"), loads.on.get("lines")
+        external = loads.dead.sum(axis=0)
+        if panels is not None:
+            external = surface_forces(corners, panels.pressure, panels.shear).sum(axis=(0, 1)) + external
+        if lines is not None:
+            external = external + line_load_forces(surface[self._interface.lines], lines.per_length).sum(axis=(0, 1))
         self._put("support_force", external)
         self._put("residual", result.residual)
         self._put("imbalance_before_step", result.residuals[0])

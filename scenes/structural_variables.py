@@ -2,8 +2,9 @@
 
 from functools import partial
 
+from interface import Variable
+
 from .point_loads import content_load
-from .variables import Variable
 
 
 def structural_variables(scene, loads, tapes, mirrored):

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from structural import canonical_chains, canonical_panels, mirror_permutation, mirror_rows
+from interface.mirror import MIRROR, canonical_chains, canonical_faces, mirror_permutation, mirror_rows
 
 # What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
 # solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
 ASYMMETRY, LOPSIDED = 1e-9, 1e-6
-_FLIP = np.array([1.0, -1.0, 1.0])
 
 
 def mirror_images(interface):
@@ -15,14 +14,14 @@ def mirror_images(interface):
     nodes = mirror_permutation(interface.nodes)
     if nodes is None:
         return None
-    panels = mirror_rows(interface.panels, nodes, canonical_panels)
+    panels = mirror_rows(interface.panels, nodes, canonical_faces)
     lines = mirror_rows(interface.lines, nodes, canonical_chains)
     return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
 
 
 def symmetrised(values, image):
     """The symmetric part of vectors (n,...,3) or scalars (n,) with the mirror `image` (n,) of each."""
-    return 0.5 * (values + values[image] * (_FLIP if values.ndim > 1 else 1.0))
+    return 0.5 * (values + values[image] * (MIRROR if values.ndim > 1 else 1.0))
 
 
 def symmetric_state(loads, x, mirror, images):
@@ -35,11 +34,13 @@ def symmetric_state(loads, x, mirror, images):
         odd = np.abs(values - values[image] * sign).max(initial=0.0)
         return odd <= ASYMMETRY * (np.abs(values).max(initial=0.0) if scale is None else scale)
 
-    scale = max(np.abs(a).max(initial=0.0) for a in (loads.pressure, loads.shear) if a is not None)
+    faces, along = loads.on.get("panels"), loads.on.get("lines")
+    given = [a for a in (faces.pressure, faces.shear) if a is not None] if faces is not None else []
+    scale = max((np.abs(a).max(initial=0.0) for a in given), default=0.0)
     return (
-        mirrored(loads.pressure, panels, scale=scale)
-        and (loads.shear is None or mirrored(loads.shear, panels, _FLIP, scale))
-        and (loads.line_load is None or mirrored(loads.line_load, lines, _FLIP))
-        and mirrored(loads.dead, mirror, _FLIP)
-        and np.abs(x - x[mirror] * _FLIP).max() <= LOPSIDED
+        (faces is None or mirrored(faces.pressure, panels, scale=scale))
+        and (faces is None or faces.shear is None or mirrored(faces.shear, panels, MIRROR, scale))
+        and (along is None or mirrored(along.per_length, lines, MIRROR))
+        and mirrored(loads.dead, mirror, MIRROR)
+        and np.abs(x - x[mirror] * MIRROR).max() <= LOPSIDED
     )

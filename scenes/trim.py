@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from interface import StepFailed
+
 from .interface import rotated
 from .tables import SceneError
-from .variables import StepFailed
 
 # Scan step of the search for a sign change; pitching moment curves of kites have one stable zero within tens of
 # degrees.

@@ -18,7 +18,7 @@ def _section(radius, structure, law, pressure):
         return inflatable_tube(pressure, radius, structure["tube_stiffness"], structure["tube_shear_stiffness"])
     tube = breukels_tube(pressure, radius)
     if law == "tip-deflection":
-        from structural.tip_deflection import tip_deflection_tube
+        from structural.materials.tip_deflection import tip_deflection_tube
 
         return tip_deflection_tube(tube)
     return tube

@@ -1,129 +1,162 @@
-"""Residual and tangent of a structure on a sparsity pattern and scatter maps that are built once."""
+"""Residual and tangent of a structure on a sparsity pattern and scatter maps that are built once.
+
+It knows no family of elements and no kind of load, only what `elements.ElementGroup` and `loads.LoadGroup` promise.
+"""
 
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
-from .beams import Beams, beam_forces, beam_forces_and_tangents
-from .bending import BendingSprings, bending_energy, bending_forces, bending_forces_and_tangents
-from .carried import CarriedElements
-from .chains import Chains, chain_energy, chain_forces, chain_forces_and_tangents
-from .damping import damping_forces, damping_forces_and_tangents
-from .links import RigidLinks
-from .pattern import Pattern, beam_dofs, couplings, dofs, empty_matrix, pattern
-from .rotations import spin, turned
-from .structure import (
-    Loads,
-    Structure,
-    canonical_chains,
-    canonical_panels,
-    elimination_order,
-    mirror_permutation,
-    mirror_rows,
-    unique_half,
-)
-from .surface import (
-    line_load_forces,
-    line_load_forces_and_tangents,
-    surface_forces,
-    surface_forces_and_tangents,
-)
-from .unknowns import Unknowns, unknowns
-from .wind import Wind, drag_forces, drag_forces_and_tangents
+from interface.mirror import mirror_permutation, mirror_rows, unique_half
+from interface.vectors import spin, turned
+
+from .dofs import RigidLinks, Unknowns, unknowns
+from .elements import Configuration, ElementGroup, translations
+from .loads import LoadGroup
+from .loads.carried import CarriedElements
+from .model import Loads, Structure
+from .solve.linear import elimination_order
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The elements and loads of the part of a structure that is solved for, in the order of the scatter maps."""
+    """The elements and loads of the part of a structure that is solved for, in the order of the scatter maps.
 
-    chains: Sequence[Chains]
-    beams: Sequence[Beams]
-    bending: Sequence[BendingSprings]
-    on_panels: tuple
-    on_lines: np.ndarray
+    `groups` of elements, `loads` of every load group (None: nothing acts there), `dead` generalised forces, `skew`
+    stiffness of moments, if any.
+    """
+
+    groups: Sequence[ElementGroup]
+    loads: Sequence[Any]
     dead: np.ndarray
     skew: np.ndarray | None
-    wind: Wind | None
 
 
 @dataclass(frozen=True, eq=False)
-class _Legs:
-    nodes: np.ndarray
+class _Elements:
+    """A group of elements as the assembly has it: which rows are solved for, how often each counts, where values go."""
+
+    rows: np.ndarray
+    weight: np.ndarray
+    dofs: np.ndarray
+    forces: "Scatter"
+    stiffness: "Scatter"
+
+    def part(self, group):
+        """The elements that are solved for."""
+        return group.select(self.rows) if len(self.rows) < len(group) else group
+
+
+@dataclass(frozen=True, eq=False)
+class _Carrier:
+    """A load group as the assembly has it; its values go by scatter maps from structural nodes, else by sparse maps."""
+
+    rows: np.ndarray
+    whole: int
+    group: LoadGroup
+    forces: "Scatter | None" = None
+    stiffness: "Scatter | None" = None
+    carried: CarriedElements | None = None
+    spread: sp.csr_array | None = None
+
+    def part(self, load):
+        """The values on the elements that are solved for."""
+        return load.select(self.rows) if load is not None and len(self.rows) < self.whole else load
+
+    def points(self, x):
+        """Values (e,m,3) at the corners of values x (n,3) at the nodes."""
+        return x[self.group.nodes] if self.carried is None else self.carried.corners(x)
+
+    def generalised(self, forces):
+        """Generalised forces (w,) of forces (e,m,3) N on the corners."""
+        return self.forces(forces) if self.carried is None else self.carried.generalised(forces)
+
+    def data(self, tangents):
+        """Data of the structure's tangent from those of the elements (e,3m,3m)."""
+        return self.stiffness(tangents) if self.carried is None else self.spread @ tangents.reshape(-1)
 
 
 class Assembly:
     """Residual (q,) and tangent (q,q) of a structure in its unknowns, for changing positions, rotations and loads.
 
-    Forces N and moments N m, per m and per rad. The unknowns are q for positions; rotations (r,3,3) of the frames, left
-    out where there are none, go beside them, and `moved` makes both from a step.
+    Forces N and moments N m, per m and per rad. The unknowns are q for positions; rotations (r,3,3) of the frames, None
+    where there are none, go beside them, and `moved` makes both from a step.
     """
 
     def __init__(self, structure: Structure, mirror: np.ndarray | None = None):
-        self.structure = structure
+        self.structure, self._mirror = structure, mirror
         free = np.array(~structure.fixed.all(axis=1))
         free[structure.riders] = False
         free[structure.frames[~structure.clamped.all(axis=1)]] = True
-        order = elimination_order(couplings(structure, mirror), free)
+        order = elimination_order(_couplings(structure, mirror), free)
         self.unknowns: Unknowns = unknowns(structure, mirror, order)
         riding = len(structure.riders) > 0
         self._wide = unknowns(structure, mirror, order, with_riders=True) if riding else self.unknowns
         self._links = RigidLinks(structure, self._wide, self.unknowns) if riding else None
-        self._rows = [self._half(c, mirror) for c in structure.chains]
-        self._beam_rows = [self._half(b, mirror) for b in structure.beams]
-        self._bend_rows = [self._half(b, mirror) for b in structure.bending]
-        self._bending = self._parts(structure.bending, self._bend_rows)
-        self._exposed = self._half(_Legs(structure.exposed), mirror)
-        self._legs, self._diameter = (a[self._exposed[0]] for a in (structure.exposed, structure.diameter))
-        image = None if mirror is None else self._surface_image()
-        self._panels = self._carried(structure.panels, canonical_panels, image)
-        self._lines = self._carried(structure.lines, canonical_chains, image)
         self._build_pattern()
 
-    @staticmethod
-    def _half(group, mirror):
+    def _half(self, group, mirror):
+        """Rows that are solved for, and how often each counts."""
         if mirror is None:
-            return np.arange(len(group.nodes)), np.ones(len(group.nodes))
-        return unique_half(mirror_rows(group.nodes, mirror, canonical_chains))
+            return np.arange(len(group)), np.ones(len(group))
+        return unique_half(mirror_rows(group.nodes, mirror, group.canonical))
 
-    def _surface_image(self):
-        image = mirror_permutation(self.structure.surface @ self.structure.nodes)
-        if image is None:
+    def _surface_image(self, group, known):
+        """Mirror images of the nodes of a load group's surface; None where nothing is halved."""
+        if self._mirror is None or group.weights is None:
+            return self._mirror
+        if id(group.weights) not in known:
+            known[id(group.weights)] = mirror_permutation(group.weights @ self.structure.nodes)
+        if known[id(group.weights)] is None:
             raise ValueError("the interface surface is not mirror-symmetric although the structure is")
-        return image
-
-    def _carried(self, nodes, canonical, image):
-        """Rows of the loaded elements that are solved for, and these elements as the unknowns see them."""
-        rows, weight = np.arange(len(nodes)), np.ones(len(nodes))
-        if image is not None:
-            rows, weight = unique_half(mirror_rows(nodes, image, canonical))
-        return rows, CarriedElements(nodes[rows], weight, self.structure.surface, self._wide)
+        return known[id(group.weights)]
 
     def _build_pattern(self):
-        u, s = self._wide, self.structure
-        n = u.count
-        groups = [(dofs(c.nodes[rows]), weight) for c, (rows, weight) in zip(s.chains, self._rows, strict=True)]
-        groups += [
-            (beam_dofs(b.select(rows), len(s.nodes)), weight)
-            for b, (rows, weight) in zip(s.beams, self._beam_rows, strict=True)
-        ]
-        groups += [(dofs(b.nodes[rows]), weight) for b, (rows, weight) in zip(s.bending, self._bend_rows, strict=True)]
-        groups.append((dofs(s.exposed[self._exposed[0]]), self._exposed[1]))
-        spins = dofs(len(s.nodes) + np.arange(len(s.frames))[:, None])  # for the skew part of applied moments
-        groups.append((spins, np.ones(len(spins))))
-        groups.append((dofs(np.arange(len(s.nodes))[:, None]), np.ones(len(s.nodes))))  # for masses with directions
-        carried = [elements for _, elements in (self._panels, self._lines)]
-        entries = [elements.stiffness_entries() for elements in carried]
-        places = Pattern(n, [(u.index[d], u.sign[d], weight) for d, weight in groups], [e[:2] for e in entries])
+        u, s, images = self._wide, self.structure, {}
+        n = len(s.nodes)
+        halves = [self._half(group, self._mirror) for group in s.groups]
+        blocks = [(g.select(rows).dofs(n), weight) for g, (rows, weight) in zip(s.groups, halves, strict=True)]
+        carriers, entries = [], []
+        for group in s.load_groups.values():
+            rows, weight = self._half(group, self._surface_image(group, images))
+            part = group.select(rows)
+            if group.weights is None:
+                blocks.append((translations(part.nodes), weight))
+                carriers.append((rows, group, part, None))
+            else:
+                carried = CarriedElements(part.nodes, weight, group.weights, u)
+                entries.append(carried.stiffness_entries())
+                carriers.append((rows, group, part, carried))
+        spins = translations(n + np.arange(len(s.frames))[:, None])  # for the skew part of applied moments
+        blocks.append((spins, np.ones(len(spins))))
+        blocks.append((translations(np.arange(n)[:, None]), np.ones(n)))  # for masses with directions
+        places = Pattern(u.count, [(u.index[d], u.sign[d], weight) for d, weight in blocks], [e[:2] for e in entries])
         self._nnz = len(places.keys)
-        *self._scatter_f, self._drag_f, _, _ = places.forces
-        *self._scatter_k, self._drag_k, self._scatter_skew, self._node_k = places.stiffness
-        self._load_stiffness = [
-            elements.stiffness_map(target, position, factor, self._nnz)
-            for elements, target, (_, _, position, factor) in zip(carried, places.places, entries, strict=True)
+        scatter = list(zip(blocks, places.forces, places.stiffness, strict=True))
+        self._elements = [
+            _Elements(*half, dofs, f, k) for half, ((dofs, _), f, k) in zip(halves, scatter[: len(halves)], strict=True)
         ]
-        keys, self.diagonal = places.keys, places.diagonal
+        self._scatter_skew, self._node_k = (k for _, _, k in scatter[-2:])
+        direct, spread = iter(scatter[len(halves) : -2]), iter(zip(places.places, entries, strict=True))
+        self._carriers = {}
+        for name, (rows, group, part, carried) in zip(s.load_groups, carriers, strict=True):
+            if carried is None:
+                _, f, k = next(direct)
+                self._carriers[name] = _Carrier(rows, len(group), part, f, k)
+            else:
+                target, (_, _, position, factor) = next(spread)
+                matrix = carried.stiffness_map(target, position, factor, self._nnz)
+                self._carriers[name] = _Carrier(rows, len(group), part, carried=carried, spread=matrix)
+        self._reduce(places.keys, places.diagonal)
+
+    def _reduce(self, keys, diagonal):
+        """The pattern of the tangent, where rigid links are left out of the one that values are scattered into."""
+        n = self._wide.count
+        self.diagonal = diagonal
         if self._links is not None:
             q = self.unknowns.count
             r, c = self._links.pattern(keys % n, keys // n)
@@ -132,34 +165,31 @@ class Assembly:
             n = q
         self._empty = empty_matrix(keys, n)
 
-    def _parts(self, groups, rows):
-        return [g.select(r) if len(r) < len(g.l0) else g for g, (r, _) in zip(groups, rows, strict=True)]
-
-    def prepare(self, chains: tuple[Chains, ...], loads: Loads, beams: tuple[Beams, ...] | None = None):
+    def prepare(self, loads: Loads, groups: Sequence[ElementGroup] | None = None) -> Prepared:
         """The elements and loads of the solved part, and the constant dead forces, for `residual` and `tangent`.
 
-        Without `beams` those of the structure.
+        Without `groups` those of the structure. ValueError for loads on a group that the structure does not have.
         """
-        beams = self.structure.beams if beams is None else beams
-        parts = self._parts(chains, self._rows), self._parts(beams, self._beam_rows), self._bending
-        return Prepared(*parts, *self._seen(loads))
+        groups = self.structure.groups if groups is None else groups
+        parts = [place.part(group) for place, group in zip(self._elements, groups, strict=True)]
+        return Prepared(parts, *self._seen(loads))
 
     def _seen(self, loads):
-        """Loads on the panels and lines that are solved for, dead forces (w,), skew stiffness of moments, wind."""
-        panels, lines = self._panels[0], self._lines[0]
-        shear = None if loads.shear is None else loads.shear[panels]
-        on_lines = np.zeros((len(lines), 3)) if loads.line_load is None else loads.line_load[lines]
+        """Loads of each load group that is solved for, dead forces (w,), skew stiffness of moments."""
+        for name in loads.on:
+            if name not in self._carriers:
+                known = ", ".join(self._carriers) or "none"
+                raise ValueError(f"the structure has no load group '{name}'; it has: {known}.")
+        on = [c.part(loads.on.get(name)) if len(c.rows) else None for name, c in self._carriers.items()]
         dead, skew = self._wide.gather(loads.dead), None
         if loads.moment is not None:
             dead = dead + self._wide.gather(np.concatenate([0.0 * loads.dead, loads.moment]))
             skew = self._scatter_skew(-0.5 * spin(loads.moment))
-        return (loads.pressure[panels], shear), on_lines, dead, skew, loads.wind if len(self._legs) else None
+        return on, dead, skew
 
     def start(self, rotations=None):
         """Rotations (r,3,3) to begin with: given ones, or those of the reference configuration; None without frames."""
-        if not len(self.structure.frames):
-            return None
-        return self.structure.unturned if rotations is None else rotations
+        return self.structure.unturned if rotations is None or not len(self.structure.frames) else rotations
 
     def moved(self, q, rotations, step):
         """Unknowns and rotations after a `step` (q,), m and rad."""
@@ -172,56 +202,50 @@ class Assembly:
             self._links.place(x, self.start(rotations), self.structure.frames)
         return x
 
+    def configuration(self, q, rotations=None):
+        """The shape of the whole structure with the unknowns q."""
+        return Configuration(self.positions(q, rotations), self.start(rotations))
+
     def residual(self, q, prepared, rotations=None):
         """Internal minus external generalised forces (q,) N at the unknowns q, and the norm of the external ones."""
-        x, rotations = self.positions(q, rotations), self.start(rotations)
-        internal, external = self.elastic(x, prepared, rotations), self.external(x, prepared)
+        at = self.configuration(q, rotations)
+        internal, external = self.elastic(at, prepared), self.external(at, prepared)
         if self._links is not None:
-            factors, _ = self._links.factors(rotations)
+            factors, _ = self._links.factors(at.rotations)
             internal, external = (self._links.forces(f, factors) for f in (internal, external))
         return internal - external, self.unknowns.norm(external)
 
-    def elastic(self, x, prepared, rotations=None):
-        """Internal forces (w,) N of all elements at rest in node positions x (n,3) m."""
-        p, internal = prepared, np.zeros(self._wide.count)
-        forces = [chain_forces(x, part) for part in p.chains] + [beam_forces(x, rotations, part) for part in p.beams]
-        forces += [bending_forces(x, part) for part in p.bending]
-        for values, scatter in zip(forces, self._scatter_f, strict=True):
-            internal += scatter(values)
-        return internal
-
-    def damping(self, x, v, prepared):
-        """Internal forces (w,) N of the dampers alone at node positions x m and velocities v m/s, (n,3) each."""
+    def elastic(self, at, prepared):
+        """Internal forces (w,) N of all elements at rest in a configuration."""
         internal = np.zeros(self._wide.count)
-        for part, scatter in zip(prepared.chains, self._scatter_f, strict=False):
-            if part.c is not None:
-                internal += scatter(damping_forces(x, v, part))
+        for place, part in zip(self._elements, prepared.groups, strict=True):
+            internal += place.forces(part.forces(at))
         return internal
 
-    def external(self, x, prepared, v=None):
-        """External forces (w,) N at node positions x (n,3) m, and velocities v (n,3) m/s, which drag depends on."""
-        dead = prepared.dead
-        for (_, elements), kernel, loads in (
-            (self._panels, surface_forces, prepared.on_panels),
-            (self._lines, line_load_forces, (prepared.on_lines,)),
-        ):
-            if elements.count:
-                dead = dead + elements.generalised(kernel(elements.corners(x), *loads))
-        if prepared.wind is not None:
-            dead = dead + self._drag_f(drag_forces(*self._blown(x, v), prepared.wind))
-        return dead
+    def damping(self, at, prepared):
+        """Internal forces (w,) N of the dampers alone in a moving configuration."""
+        internal = np.zeros(self._wide.count)
+        for place, part in zip(self._elements, prepared.groups, strict=True):
+            if part.damped:
+                internal += place.forces(part.damping_forces(at))
+        return internal
 
-    def _blown(self, x, v):
-        """Ends (k,2,3) m, their velocities (k,2,3) m/s, diameters (k,) m of the exposed legs that are solved for."""
-        ends = x[self._legs]
-        return ends, np.zeros_like(ends) if v is None else v[self._legs], self._diameter
+    def external(self, at, prepared):
+        """External forces (w,) N in a configuration, which may move: drag depends on it."""
+        external = prepared.dead
+        for carrier, load in zip(self._carriers.values(), prepared.loads, strict=True):
+            if load is not None:
+                moving = None if at.v is None else carrier.points(at.v)
+                external = external + carrier.generalised(carrier.group.forces(carrier.points(at.x), load, moving))
+        return external
 
     def load_forces(self, x, loads, rotations=None):
-        """Generalised forces (q,) N of the loads alone at node positions x (n,3) m: linear in the loads."""
-        external = self.external(x, Prepared((), (), (), *self._seen(loads)))
+        """Generalised forces (q,) N of the loads alone at node positions x (n,3) m: linear in loads that are."""
+        at = Configuration(x, self.start(rotations))
+        external = self.external(at, Prepared((), *self._seen(loads)))
         if self._links is None:
             return external
-        return self._links.forces(external, self._links.factors(self.start(rotations))[0])
+        return self._links.forces(external, self._links.factors(at.rotations)[0])
 
     def moves(self, step, rotations=None):
         """Displacements (n,3) m of the nodes, riders and all, in a small `step` (q,): the derivative of `positions`."""
@@ -231,11 +255,13 @@ class Assembly:
         return dx
 
     def residual_and_tangent(self, q, prepared, rotations=None):
-        """Residual (q,) N and consistent tangent (q,q) N/m, elements, links, load stiffness and all."""
-        x, rotations = self.positions(q, rotations), self.start(rotations)
-        internal, external, data, _ = self._evaluated(x, rotations, prepared)
+        """Residual (q,) N and consistent tangent (q,q) N/m, elements, links, load stiffness and all; the norm of the
+        external forces.
+        """
+        at = self.configuration(q, rotations)
+        internal, external, data, _ = self._evaluated(at, prepared)
         if self._links is not None:
-            factors, rho = self._links.factors(rotations)
+            factors, rho = self._links.factors(at.rotations)
             nnz = len(self._empty.indices)
             data = self._links.stiffness(self._reduced, nnz, data, internal - external, factors, rho)
             internal, external = (self._links.forces(f, factors) for f in (internal, external))
@@ -245,44 +271,38 @@ class Assembly:
         """Residual (q,) N with dampers and drag at node positions x m and velocities v m/s, (n,3) each; the data of its
         derivatives by positions N/m and by velocities N s/m, to be filled in by `matrix`; the norm of external forces.
 
-        For structures without frames. `isotropic` see `damping_forces_and_tangents`.
+        For structures without frames. `isotropic` see `ElementGroup.damping_forces_and_tangents`.
         """
-        internal, external, data, rates = self._evaluated(x, None, prepared, v)
-        for part, sf, sk in zip(prepared.chains, self._scatter_f, self._scatter_k, strict=False):
-            if part.c is not None:
-                f, by_x, by_v = damping_forces_and_tangents(x, v, part, isotropic)
-                internal += sf(f)
-                data = data + sk(by_x)
-                rates = sk(by_v) if rates is None else rates + sk(by_v)
+        at = Configuration(x, None, v)
+        internal, external, data, rates = self._evaluated(at, prepared)
+        for place, part in zip(self._elements, prepared.groups, strict=True):
+            if part.damped:
+                f, by_x, by_v = part.damping_forces_and_tangents(at, isotropic)
+                internal += place.forces(f)
+                data = data + place.stiffness(by_x)
+                rates = place.stiffness(by_v) if rates is None else rates + place.stiffness(by_v)
         return internal - external, data, rates, self.unknowns.norm(external)
 
-    def _evaluated(self, x, rotations, prepared, v=None):
+    def _evaluated(self, at, prepared):
         """Internal and external forces (w,), data of the tangent by positions; by velocities if they count, else None.
 
-        With velocities v (n,3) drag counts them; dampers are not in it.
+        In a moving configuration drag counts the velocities; dampers are not in it.
         """
-        p, external, rates = prepared, prepared.dead, None
+        external, rates = prepared.dead, None
         internal = np.zeros(self._wide.count)
-        data = np.zeros(self._nnz) if p.skew is None else p.skew
-        both = [chain_forces_and_tangents(x, part) for part in p.chains]
-        both += [beam_forces_and_tangents(x, rotations, part) for part in p.beams]
-        both += [bending_forces_and_tangents(x, part) for part in p.bending]
-        for (f, k), sf, sk in zip(both, self._scatter_f, self._scatter_k, strict=True):
-            internal += sf(f)
-            data = data + sk(k)
-        for (_, elements), kernel, loads, stiffness in (
-            (self._panels, surface_forces_and_tangents, p.on_panels, self._load_stiffness[0]),
-            (self._lines, line_load_forces_and_tangents, (p.on_lines,), self._load_stiffness[1]),
-        ):
-            if elements.count:
-                f, k = kernel(elements.corners(x), *loads)
-                external = external + elements.generalised(f)
-                data = data - stiffness @ k.reshape(-1)
-        if p.wind is not None:
-            f, by_x, by_v = drag_forces_and_tangents(*self._blown(x, v), p.wind)
-            external = external + self._drag_f(f)
-            data = data - self._drag_k(by_x)
-            rates = -self._drag_k(by_v) if v is not None else None
+        data = np.zeros(self._nnz) if prepared.skew is None else prepared.skew
+        both = [part.forces_and_tangents(at) for part in prepared.groups]
+        for (f, k), place in zip(both, self._elements, strict=True):
+            internal += place.forces(f)
+            data = data + place.stiffness(k)
+        for carrier, load in zip(self._carriers.values(), prepared.loads, strict=True):
+            if load is not None:
+                moving = None if at.v is None else carrier.points(at.v)
+                f, by_x, by_v = carrier.group.forces_and_tangents(carrier.points(at.x), load, moving)
+                external = external + carrier.generalised(f)
+                data = data - carrier.data(by_x)
+                if by_v is not None:
+                    rates = -carrier.data(by_v) if rates is None else rates - carrier.data(by_v)
         return internal, external, data, rates
 
     def node_blocks(self, blocks):
@@ -295,6 +315,97 @@ class Assembly:
         matrix.data = data
         return matrix
 
-    def energy(self, x, chains):
-        """Strain energy J of all chains and bending springs at node positions x (n,3)."""
-        return sum(chain_energy(x, c) for c in chains) + sum(bending_energy(x, b) for b in self.structure.bending)
+    def energy(self, at, groups):
+        """Strain energy J of all `groups` in a configuration; ValueError where the forces of one have none."""
+        parts = [group.energy(at) for group in groups]
+        if any(part is None for part in parts):
+            raise ValueError("the forces of an element have no energy.")
+        return sum(parts)
+
+
+def _couplings(structure, mirror):
+    """Sparse incidences (elements, n) of the nodes that elements and load groups couple.
+
+    A rider stands for the node that carries it; with a `mirror` permutation a node stands for its image too.
+    """
+    n = len(structure.nodes)
+    stands_for = np.arange(n)
+    stands_for[structure.riders] = structure.frames[structure.carriers]
+    groups = [(g.nodes, None) for g in structure.groups]
+    groups += [(g.nodes, g.weights) for g in structure.load_groups.values()]
+    for elements, weights in groups:
+        e, m = elements.shape
+        columns = n if weights is None else weights.shape[0]
+        entries = np.ones(e * m), (np.repeat(np.arange(e), m), elements.ravel())
+        incidence = sp.csr_array(entries, shape=(e, columns))
+        incidence = incidence if weights is None else sp.csr_array(incidence @ abs(sp.csr_array(weights)))
+        if len(structure.riders):
+            rides = sp.csr_array((np.ones(n), (np.arange(n), stands_for)), shape=(n, n))
+            incidence = sp.csr_array(incidence @ rides)
+        yield incidence if mirror is None else incidence + incidence[:, mirror]
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """Where the values of element blocks go: targets in `data` or the residual, with signs; pads go to a last bin."""
+
+    target: np.ndarray
+    sign: np.ndarray
+    size: int
+
+    def __call__(self, values):
+        return np.bincount(self.target, self.sign * values.reshape(-1), minlength=self.size + 1)[: self.size]
+
+
+def pattern(rows, columns, n):
+    """Keys column * n + row of the distinct entries inside (n,n), rising, and the place of every entry in them; their
+    number for entries outside, which have a negative index.
+    """
+    inside = (rows >= 0) & (columns >= 0)
+    key = np.where(inside, columns * n + rows, n * n)
+    unique, where = np.unique(key, return_inverse=True)
+    if len(unique) and unique[-1] == n * n:
+        unique = unique[:-1]
+    return unique, where
+
+
+class Pattern:
+    """Where everything goes: keys of the distinct entries of an (n,n) tangent, and the maps that scatter element values
+    into them.
+
+    `blocks` are (index (e,m), sign (e,m), weight (e,)) of groups of elements, `entries` (row, column) of single entries
+    from elsewhere. `keys` rise, `diagonal` (n,) are the places of the diagonal, `stiffness` and `forces` the scatter
+    maps of the groups, `places` those of the single entries.
+    """
+
+    def __init__(self, n, blocks, entries):
+        rows, cols = [np.arange(n)], [np.arange(n)]
+        for index, _, _ in blocks:
+            e, m = index.shape
+            rows.append(np.broadcast_to(index[:, :, None], (e, m, m)).reshape(-1))
+            cols.append(np.broadcast_to(index[:, None, :], (e, m, m)).reshape(-1))
+        r = np.concatenate([*rows, *(e[0] for e in entries)])
+        c = np.concatenate([*cols, *(e[1] for e in entries)])
+        self.keys, where = pattern(r, c, n)
+        self.diagonal, start = where[:n], n
+        self.stiffness: list[Scatter] = []
+        self.forces: list[Scatter] = []
+        self.places: list[np.ndarray] = []
+        for index, sign, weight in blocks:
+            e, m = index.shape
+            target = where[start : start + e * m * m]
+            start += e * m * m
+            pair = (weight[:, None, None] * sign[:, :, None] * sign[:, None, :]).reshape(-1)
+            self.stiffness.append(Scatter(target, pair, len(self.keys)))
+            flat = np.where(index >= 0, index, n).reshape(-1)
+            self.forces.append(Scatter(flat, (weight[:, None] * sign).reshape(-1), n))
+        for row, _ in entries:
+            self.places.append(where[start : start + len(row)])
+            start += len(row)
+
+
+def empty_matrix(keys, n):
+    """Sparse (n,n) matrix of zeros with the entries of rising `keys` column * n + row."""
+    indices = (keys % n).astype(np.int32) if n else np.zeros(0, np.int32)
+    indptr = np.searchsorted(keys // max(n, 1), np.arange(n + 1)).astype(np.int32)
+    return sp.csc_array((np.zeros(len(keys)), indices, indptr), shape=(n, n))

@@ -15,8 +15,8 @@ from fmus.description import PROJECT
 from fmus.documentation import texts
 from fmus.documentation.picture import drawing
 from fmus.documentation.reference import INTERFACE, LOADS, RELATIVE, STEPS
+from interface import Variable
 from scenes import Scene
-from scenes.variables import Variable
 
 HOST_PACKAGES = ("numpy", "scipy")  # what an FMU imports and does not carry
 Rows = Iterable[Sequence[Any]]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from fmus.description import scalar_names
+from interface import StepFailed, Variable
 from scenes import Scene
-from scenes.variables import StepFailed, Variable
 
 STEPS = 5  # communication steps: of 1 s, or what a scene of motion usually takes
 # To compare with on another machine. Rounding and the solvers' tolerances move results by some 1e-11 of a variable.

@@ -1,36 +1,42 @@
 """A start for form finding from nothing: the net of uniform pull that is as long as the elements want to be."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse.linalg as spla
 from scipy.optimize import brentq
 
 from structural.assembly import Assembly
-from structural.chains import Chains
-from structural.structure import Loads
+from structural.elements import ElementGroup
+from structural.elements.chains import Chains
+from structural.model import Loads
+from structural.solve.linear import Singular, factorised
 
 # Bounds of the common pull N relative to the load and to the stiffest element, within which it is sought.
 WEAKEST, STRONGEST = 1e-6, 1.0
 
 
-def force_density_start(assembly: Assembly, chains: tuple[Chains, ...], loads: Loads, x0: np.ndarray):
+def force_density_start(assembly: Assembly, groups: Sequence[ElementGroup], loads: Loads, x0: np.ndarray):
     """Node positions (n,3) m where every element pulls with s l / l0 and the loads are those at x0; None where elements
     are no springs between two nodes, have no length, or nothing holds them.
 
     With given force densities equilibrium is linear (Schek 1974): x = x_held + x_loaded / s with two solutions on one
     factorisation. The pull s is that for which the elements together have the length that they have under it.
     """
+    chains = [g for g in groups if isinstance(g, Chains)]
     if any(c.nodes.shape[1] != 2 or np.any(c.l0 <= 0.0) for c in chains):
         return None
-    nets = tuple(replace(c, l0=np.zeros_like(c.l0), k=1.0 / c.l0, two_way=np.ones_like(c.two_way)) for c in chains)
+
+    def pulling(c):
+        return replace(c.never_slack(), l0=np.zeros_like(c.l0), k=1.0 / c.l0)
+
+    nets = tuple(pulling(g) if isinstance(g, Chains) else g for g in groups)
     q0 = assembly.unknowns.restrict(x0)
-    none = Loads(np.zeros_like(loads.pressure), None, np.zeros_like(loads.dead))
-    held, k, _ = assembly.residual_and_tangent(q0, assembly.prepare(nets, none))
-    loaded, _ = assembly.residual(q0, assembly.prepare(nets, loads))
+    held, k, _ = assembly.residual_and_tangent(q0, assembly.prepare(Loads(np.zeros_like(loads.dead)), nets))
+    loaded, _ = assembly.residual(q0, assembly.prepare(loads, nets))
     try:
-        factors = spla.splu(k, permc_spec="NATURAL", diag_pivot_thresh=1e-6, options={"SymmetricMode": True})
-    except RuntimeError:  # singular: nothing holds a part of it
+        factors = factorised(k)
+    except Singular:  # nothing holds a part of it
         return None
     at_rest, moved = q0 - factors.solve(held), factors.solve(held - loaded)
     load = assembly.unknowns.norm(held - loaded)

@@ -1,15 +1,16 @@
 """Form finding: the shape at rest, by the equilibrium engine or by letting damped particles settle."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from structural.assembly import Assembly
-from structural.chains import Chains
-from structural.statics import equilibrium
-from structural.stiffness import rounding_of_positions
-from structural.structure import Loads
+from structural.elements import ElementGroup
+from structural.model import Loads
+from structural.solve.rounding import rounding_of_positions
+from structural.solve.statics import equilibrium
 
 from .force_density import force_density_start
 from .motion import Motion, State
@@ -46,7 +47,6 @@ class Form:
 
 def form_finding(
     assembly: Assembly,
-    chains: tuple[Chains, ...],
     loads: Loads,
     x0: np.ndarray,
     method: Method = "equilibrium",
@@ -55,13 +55,14 @@ def form_finding(
     step: float = 1.0,
     max_steps: int = 1000,
     scheme: ImplicitEuler | None = None,
+    groups: Sequence[ElementGroup] | None = None,
 ) -> Form:
-    """The equilibrium of `chains` under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance, or to
-    what rounding of the coordinates leaves.
+    """The equilibrium under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance, or to what rounding
+    of the coordinates leaves. `groups` replace the elements of the structure.
 
     "equilibrium" is Newton's method on the static residual, and needs nothing else. The others step particles of
     `mass` kg (one, or (n,)) through pseudo-time with linearly implicit Euler steps of `step` s, `max_steps` at most:
-    "viscous" with the damping of the chains; "kinetic" without, and brings all particles to rest whenever the kinetic
+    "viscous" with the damping of the elements; "kinetic" without, and brings all particles to rest whenever the kinetic
     energy has fallen (Barnes; PSM thesis section 4.4); "kinetic-q" also puts them back to where a parabola through the
     last three energies has its peak (eq. 4.10). Mass, step and damping are means: the form does not depend on them.
 
@@ -72,24 +73,25 @@ def form_finding(
     for name, value in (("tolerance", atol), ("time step", step)):
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"the {name} must be a number above zero; it is {value:g}.")
-    atol = max(atol, rounding_of_positions(chains, float(np.abs(x0).max(initial=0.0))))
+    groups = tuple(assembly.structure.groups if groups is None else groups)
+    atol = max(atol, rounding_of_positions(groups, float(np.abs(x0).max(initial=0.0))))
     if method == "equilibrium":
-        return _balanced(assembly, chains, loads, x0, atol)
+        return _balanced(assembly, groups, loads, x0, atol)
     if method != "viscous":
-        chains = tuple(replace(c, c=None) for c in chains)
+        groups = tuple(group.undamped() for group in groups)
     masses = np.broadcast_to(np.asarray(mass, float), len(x0))
-    settling = _Settling(Motion(assembly, masses, chains, loads), scheme or ImplicitEuler(linear=True), x0, step, atol)
+    settling = _Settling(Motion(assembly, masses, loads, groups), scheme or ImplicitEuler(linear=True), x0, step, atol)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         return settling.run(method, max_steps)
 
 
-def _balanced(assembly, chains, loads, x0, atol):
+def _balanced(assembly, groups, loads, x0, atol):
     """The equilibrium, sought from x0 if that is nearly one, else from the net of uniform pull.
 
     From there elements may push at first: that evens out their lengths in a few Newton iterations where slack ones
     would have no stiffness. If all are taut then it is the answer already.
     """
-    prepared = assembly.prepare(chains, loads)
+    prepared = assembly.prepare(loads, groups)
 
     def imbalance(x):
         r, load = assembly.residual(assembly.unknowns.restrict(x), prepared)
@@ -97,18 +99,18 @@ def _balanced(assembly, chains, loads, x0, atol):
 
     residuals: tuple[float, ...] = ()
     iterations = 0
-    pulled = force_density_start(assembly, chains, loads, x0)
+    pulled = force_density_start(assembly, groups, loads, x0)
     out, load = imbalance(x0)
     if pulled is not None and not out < NEAR * (load or imbalance(pulled)[0]):
         x0 = pulled
-        if not all(c.two_way.all() for c in chains):
-            pushing = tuple(replace(c, two_way=np.ones_like(c.two_way)) for c in chains)
-            first = equilibrium(assembly, pushing, loads, x0, atol, max_iterations=PUSHING, step_limit=np.inf)
+        pushing = tuple(group.never_slack() for group in groups)
+        if any(a is not b for a, b in zip(pushing, groups, strict=True)):
+            first = equilibrium(assembly, loads, x0, atol, groups=pushing, max_iterations=PUSHING, step_limit=np.inf)
             if first.converged:
                 x0, residuals, iterations = first.x, first.residuals, first.iterations
-    found = equilibrium(assembly, chains, loads, x0, atol, step_limit=np.inf)
+    found = equilibrium(assembly, loads, x0, atol, groups=groups, step_limit=np.inf)
     if not found.converged:  # members that snap from slack to taut need shorter steps than the loads would make
-        limited = equilibrium(assembly, chains, loads, x0, atol)
+        limited = equilibrium(assembly, loads, x0, atol, groups=groups)
         found = limited if limited.converged else found
     return Form(found.x, found.status, iterations + found.iterations, residuals + found.residuals)
 

@@ -1,16 +1,15 @@
 """Equations of motion of particles: masses on the nodes of a structure, with its elements, dampers and loads."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-import scipy.sparse.linalg as spla
 
 from structural.assembly import Assembly, Prepared
-from structural.chains import Chains
-from structural.damping import reeling_power
-from structural.structure import Loads
+from structural.elements import Configuration, ElementGroup
+from structural.model import Loads
+from structural.solve.linear import factorised
 
 T = TypeVar("T")
 
@@ -68,7 +67,7 @@ class Mass:
         """M^-1 f."""
         if self._diagonal is not None:
             return f / self._diagonal
-        return spla.splu(self._matrix, permc_spec="NATURAL", options={"SymmetricMode": True}).solve(f)
+        return factorised(self._matrix, pivot=1.0).solve(f)  # few and small: pivots as they come
 
     def add_to(self, data, diagonal, factor):
         """Add factor M to the data of a tangent, whose `diagonal` has these places."""
@@ -81,25 +80,25 @@ class Mass:
 class Motion:
     """M a + f_int(x, v) - f_ext(x, v, t) = 0 for the free nodes of an assembly without frames.
 
-    `mass` (n,) kg on the nodes, or (n,3,3) where inertia has a direction as that of the air around a wing; `chains` the
-    elements with their damping, `loads`; each is constant or a function of the time. ValueError in one sentence for a
-    free node without mass, negative masses, and structures with frames.
+    `mass` (n,) kg on the nodes, or (n,3,3) where inertia has a direction as that of the air around a wing; `loads`;
+    `groups` the elements with their damping (None: those of the structure); each is constant or a function of the time.
+    ValueError in one sentence for a free node without mass, negative masses, and structures with frames.
     """
 
     def __init__(
         self,
         assembly: Assembly,
         mass: Callable[[float], np.ndarray] | np.ndarray,
-        chains: Callable[[float], tuple[Chains, ...]] | tuple[Chains, ...],
         loads: Callable[[float], Loads] | Loads,
+        groups: Callable[[float], Sequence[ElementGroup]] | Sequence[ElementGroup] | None = None,
     ):
         if len(assembly.structure.frames):
             raise ValueError("nodes that turn (beams) have no place in a particle system; leave the beams out.")
         self.assembly, self.unknowns = assembly, assembly.unknowns
         self._mass, mass_moves = _function(mass)
-        self._chains, chains_move = _function(chains)
         self._loads, loads_move = _function(loads)
-        self._constant, self.chains_move = not (mass_moves or chains_move or loads_move), chains_move
+        self._groups, self.elements_change = _function(assembly.structure.groups if groups is None else groups)
+        self._constant = not (mass_moves or loads_move or self.elements_change)
         self._at: tuple[float, Any] | None = None
 
     def mass(self, t: float) -> "Mass":
@@ -110,14 +109,14 @@ class Motion:
         """Elements and loads at time t."""
         return self._present(t)[1]
 
-    def chains(self, t: float) -> tuple[Chains, ...]:
+    def groups(self, t: float) -> Sequence[ElementGroup]:
         """The elements at time t."""
-        return self._chains(t)
+        return self._groups(t)
 
     def _present(self, t):
         if self._at is None or (self._at[0] != t and not self._constant):
-            mass, chains = np.asarray(self._mass(t), float), self._chains(t)
-            self._at = t, (Mass(self.assembly, mass), self.assembly.prepare(chains, self._loads(t)))
+            mass, groups = np.asarray(self._mass(t), float), self._groups(t)
+            self._at = t, (Mass(self.assembly, mass), self.assembly.prepare(self._loads(t), groups))
         return self._at[1]
 
     def at(self, x: np.ndarray, v: np.ndarray | None = None, t: float = 0.0) -> State:
@@ -137,9 +136,12 @@ class Motion:
 
     def forces(self, q, v, t):
         """Elastic, damping and external generalised forces (u,) N; the first two are internal, so act against."""
-        x, moving, p = self.positions(q), self.velocities(v), self.prepared(t)
-        a = self.assembly
-        return a.elastic(x, p), a.damping(x, moving, p), a.external(x, p, moving)
+        at, p, a = self.configuration(q, v), self.prepared(t), self.assembly
+        return a.elastic(at, p), a.damping(at, p), a.external(at, p)
+
+    def configuration(self, q, v) -> Configuration:
+        """The moving shape of the whole structure."""
+        return Configuration(self.positions(q), None, self.velocities(v))
 
     def positions(self, q) -> np.ndarray:
         """Node positions (n,3) m."""
@@ -160,20 +162,22 @@ class Motion:
 
     def elastic_energy(self, state: State) -> float:
         """Strain energy of all elements, J."""
-        return self.assembly.energy(self.positions(state.q), self.chains(state.t))
+        return self.assembly.energy(Configuration(self.positions(state.q)), self.groups(state.t))
 
     def reeling_power(self, state: State) -> float:
         """Power W that changes of rest length put into the dampers; see `reeling_work` for the rest."""
-        x, v = self.positions(state.q), self.velocities(state.v)
-        return sum(reeling_power(x, v, c) for c in self.chains(state.t)) if self.chains_move else 0.0
+        if not self.elements_change:
+            return 0.0
+        at = self.configuration(state.q, state.v)
+        return sum(group.reeling_power(at) for group in self.groups(state.t))
 
     def reeling_work(self, state: State, new: State) -> float:
         """Work J that changes of the elements put into the structure between two states: of rest length, -T dl0, and of
         the stiffness that goes with it, by which line that is reeled in takes its strain energy along.
         """
-        if not self.chains_move:
+        if not self.elements_change:
             return 0.0
-        places = [self.positions(s.q) for s in (state, new)]
-        before, after = self.chains(state.t), self.chains(new.t)
+        places = [Configuration(self.positions(s.q)) for s in (state, new)]
+        before, after = self.groups(state.t), self.groups(new.t)
         energy = self.assembly.energy
-        return 0.5 * sum(energy(x, after) - energy(x, before) for x in places)
+        return 0.5 * sum(energy(at, after) - energy(at, before) for at in places)

@@ -1,12 +1,11 @@
 """The equations of one implicit step, solved: linearised once, or to a tolerance by Newton's method."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from structural.statics import NewtonSolve
-from structural.stiffness import rounding_of_positions
+from structural.solve.linear import Singular, factorised
+from structural.solve.newton import Newton
+from structural.solve.rounding import rounding_of_positions, stiffest
 
 from .motion import Mass, Motion, State
 from .schemes import ImplicitEuler, StepSystem
@@ -19,42 +18,43 @@ STEP_ITERATIONS = 20
 SIMPLIFIED, CONTRACTION, QUICK = 12, 0.5, 0.05
 
 
-@dataclass(eq=False)
-class _Equations:
-    """The system of a step in the form that the equilibrium engine solves; it takes the place of an assembly."""
+class StepProblem:
+    """The system of a step for Newton's method; the unknowns are the displacement d (u,) m since its beginning."""
 
-    motion: Motion
-    system: StepSystem
-    begin: np.ndarray
-    scale: float | None = None
-    mass: Mass = field(init=False)
-
-    def __post_init__(self):
-        a = self.motion.assembly
-        self.unknowns, self.diagonal, self.matrix = a.unknowns, a.diagonal, a.matrix
-        self.mass = self.motion.mass(self.system.t)
-
-    def moved(self, d, rotations, step):
-        return d + step, rotations
+    def __init__(self, motion: Motion, system: StepSystem, begin: np.ndarray):
+        self._motion, self._system, self._begin = motion, system, begin
+        a = motion.assembly
+        self.turning, self.diagonal, self.norm, self._matrix = a.unknowns.turning, a.diagonal, a.unknowns.norm, a.matrix
+        self.stiffest = stiffest(motion.groups(system.t))
+        self._mass: Mass = motion.mass(system.t)
+        self.scale: float | None = None  # norm N of forces and inertia of the first guess
 
     def residual(self, d):
-        s = self.system
-        elastic, damping, external = self.motion.forces(self.begin + d, s.cw * (d - s.dw), s.t)
-        return self._balanced(elastic + damping - external, s.cm * self.mass.times(d - s.da), external)
+        """Residual (u,) N alone."""
+        s = self._system
+        elastic, damping, external = self._motion.forces(self._begin + d, s.cw * (d - s.dw), s.t)
+        return self._balanced(elastic + damping - external, d, self.norm(external))
 
-    def _balanced(self, r, inertia, external):
-        if self.scale is None:  # of the first guess: one gone wild must not loosen the tolerance
-            self.scale = self.unknowns.norm(external) + self.unknowns.norm(inertia)
-        return r + inertia
-
-    def residual_and_tangent(self, d, _prepared=None, _rotations=None):
-        s = self.system
-        r, data, rates, external = self.motion.evaluated(self.begin + d, s.cw * (d - s.dw), s.t)
-        r = self._balanced(r, s.cm * self.mass.times(d - s.da), external)
+    def residual_and_tangent(self, d):
+        """See Problem; the norm is that of the first guess: one gone wild must not loosen the tolerance."""
+        s = self._system
+        r, data, rates, external = self._motion.evaluated(self._begin + d, s.cw * (d - s.dw), s.t)
+        r = self._balanced(r, d, external)
         if rates is not None:
             data = data + s.cw * rates
-        self.mass.add_to(data, self.diagonal, s.cm)
-        return r, self.matrix(data), self.scale
+        self._mass.add_to(data, self.diagonal, s.cm)
+        return r, self._matrix(data), self.scale
+
+    def moved(self, d, step):
+        """See Problem."""
+        return d + step
+
+    def _balanced(self, r, d, external):
+        s = self._system
+        inertia = s.cm * self._mass.times(d - s.da)
+        if self.scale is None:
+            self.scale = external + self.norm(inertia)
+        return r + inertia
 
 
 class StepSolver:
@@ -73,55 +73,49 @@ class StepSolver:
         if isinstance(scheme, ImplicitEuler) and scheme.linear:
             return linear_step(motion, scheme, state, h), 1
         system = scheme.system(state, h)
-        chains = motion.chains(system.t)
         reach = float(np.abs(motion.positions(state.q)).max(initial=0.0))
-        atol = max(self.atol, rounding_of_positions(chains, reach))
-        equations = _Equations(motion, system, state.q)
-        d, count = self._simplified(equations, system, atol)
+        atol = max(self.atol, rounding_of_positions(motion.groups(system.t), reach))
+        problem = StepProblem(motion, system, state.q)
+        d, count = self._simplified(problem, system, atol)
         flight = float(np.abs(system.start).max(initial=0.0))
         for start in (system.start, np.zeros_like(state.q)) if d is None else ():
-            solve = NewtonSolve(equations, None, chains, (start, None), atol, self.rtol, max(1.0, 4.0 * flight))
+            solve = Newton(problem, start, atol, self.rtol, max(1.0, 4.0 * flight))
             solve.run(STEP_ITERATIONS)
-            count += len(solve.norms) - 1
+            count += solve.iterations
             if solve.status == "converged":
-                d = solve.at[0]
+                d = solve.at
                 break
         return (None if d is None else scheme.advanced(state, h, d)), count
 
-    def _simplified(self, equations, system, atol):
+    def _simplified(self, problem, system, atol):
         """Solution (u,) m and iterations; None where they do not contract."""
         d, count = system.start, 0
-        r = equations.residual(d)
-        norm, fresh = equations.unknowns.norm(r), False
+        r = problem.residual(d)
+        norm, fresh = problem.norm(r), False
         if self._of != (system.cm, system.cw):
             self._factors = None
-        while not norm <= atol + self.rtol * equations.scale:
+        while not norm <= atol + self.rtol * problem.scale:
             if count == SIMPLIFIED or not np.isfinite(norm):
                 return None, count
             if self._factors is None:
-                r, k, _ = equations.residual_and_tangent(d)
+                r, k, _ = problem.residual_and_tangent(d)
                 try:
                     self._factors, self._of, fresh = factorised(k), (system.cm, system.cw), True
-                except RuntimeError:  # exactly singular
+                except Singular:
                     return None, count
             step = self._factors.solve(-r)
-            r = equations.residual(d + step)
-            after = equations.unknowns.norm(r)
+            r = problem.residual(d + step)
+            after = problem.norm(r)
             count += 1
             if after <= CONTRACTION * norm:
                 d, norm = d + step, after
             elif fresh:
                 return None, count
             else:  # the old tangent will not do
-                r = equations.residual(d)
+                r = problem.residual(d)
             if not after <= QUICK * norm:
                 self._factors = None
         return d, count
-
-
-def factorised(k):
-    """Factors of a tangent, pivots on its diagonal."""
-    return spla.splu(k, permc_spec="NATURAL", diag_pivot_thresh=1e-6, options={"SymmetricMode": True})
 
 
 def linear_step(motion, scheme, state, h):
@@ -140,7 +134,7 @@ def linear_step(motion, scheme, state, h):
     else:
         try:
             dv = factorised(a.matrix(system)).solve(b)
-        except RuntimeError:  # exactly singular
+        except Singular:
             return None
     v = state.v + dv
     return State(state.t + h, state.q + h * v, v, dv / h)

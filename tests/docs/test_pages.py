@@ -186,7 +186,7 @@ def test_every_page_is_in_the_index(page):
 def test_code_that_the_theory_names_is_there(page):
     """`folder/file.py`: `name`, `other` — the file exists and defines the names."""
     named = re.findall(
-        r"`((?:structural|aero|scenes|master|fmus)/[\w/]+\.py)`:?\s*((?:`[\w.]+`(?:,\s)?)*)", page.read_text()
+        r"`((?:interface|structural|aero|scenes|master|fmus)/[\w/]+\.py)`:?\s*((?:`[\w.]+`(?:,\s)?)*)", page.read_text()
     )
     assert named
     for file, names in named:

@@ -7,7 +7,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
 from fmus.description import base_exponents, scalar_names
-from scenes.variables import Variable
+from interface import Variable
 from tests.fmus.importer import Importer
 
 LOADS = [[0.1 * k + 0.01 * i for i in range(6)] for k in range(5)]  # six scalars a step

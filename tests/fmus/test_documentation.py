@@ -11,7 +11,7 @@ import pytest
 import scenes
 from fmus.builder import build
 from fmus.documentation import page
-from scenes.variables import Variable
+from interface import Variable
 from tests.fmus.toy_fmu import Toy, ToyFmu
 
 

@@ -6,7 +6,7 @@ import weakref
 import numpy as np
 
 from fmus.adapter import CoreFmu
-from scenes.variables import StepFailed, Variable
+from interface import StepFailed, Variable
 
 TROUBLES = (None, StepFailed("The rope is torn at 100 % load."), TypeError("a bug"), KeyboardInterrupt("by a user"))
 SAVED = weakref.WeakSet()  # states that are alive

@@ -2,12 +2,20 @@
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 import scenes
 from scenes.interface import design_interface, with_lines
-from structural import Assembly, Chains, Loads, Structure, mirror_permutation, surface_forces
+from structural import (
+    Assembly,
+    Chains,
+    Loads,
+    Structure,
+    interface_groups,
+    interface_loads,
+    mirror_permutation,
+    surface_forces,
+)
 
 CASES = [("v3_kite", {"chord": c, "panels_per_section": n}) for c in ("structural", "design") for n in (1, 2, 3, 5)]
 CASES += [("typical_section", {"panels_per_section": 3})]
@@ -24,9 +32,10 @@ def _nodal_forces(scene, x, pressure, shear):
     """Forces (n,3) N that the solver's own assembly puts on the structural nodes, supports lifted."""
     m, i = scene.members, scene.interface
     slack = Chains(m.chains[0].nodes[:1], np.array([1e6]), np.array([1.0]), np.array([False]))
-    s = Structure(m.nodes, np.zeros_like(m.fixed), (slack,), sp.csr_array(i.weights), i.panels)
+    s = Structure(m.nodes, np.zeros_like(m.fixed), (slack,), interface_groups(i.weights, i.panels))
     assembly = Assembly(s)
-    r, _ = assembly.residual(assembly.unknowns.restrict(x), assembly.prepare((slack,), Loads(pressure, shear, 0.0 * x)))
+    loads = Loads(0.0 * x, interface_loads(pressure, shear))
+    r, _ = assembly.residual(assembly.unknowns.restrict(x), assembly.prepare(loads))
     return -r[assembly.unknowns.index].reshape(-1, 3)
 
 

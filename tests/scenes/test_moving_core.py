@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from interface import StepFailed
 from scenes import SceneError, load
-from scenes.variables import StepFailed
 from tests.scenes.broken import edited
 
 DT = 0.05

@@ -9,9 +9,9 @@ import pytest
 
 import scenes
 from aero import line_loads
+from interface import StepFailed
 from scenes import aero_core
 from scenes.flow import FlowCore, LineFlowCore
-from scenes.variables import StepFailed
 from tests.scenes.broken import copy_of, edited
 
 KITE, TETHER = "v3_kite_dynamic", "tether_in_wind"

@@ -3,7 +3,16 @@
 import numpy as np
 import scipy.sparse as sp
 
-from structural import Beams, LinearSection, Loads, Structure, breukels_tube, reference_axes
+from structural import (
+    Beams,
+    LinearSection,
+    Loads,
+    Structure,
+    breukels_tube,
+    interface_groups,
+    interface_loads,
+    reference_axes,
+)
 from tests.structural.models import MIRROR, chains
 
 # Nodes of the right half and of the plane, then the left half; G and H are riders, P and Q the ends of the bridle.
@@ -74,8 +83,8 @@ def frame():
     fixed[_at("A", "P")] = True
     clamped = np.zeros((len(frames), 3), dtype=bool)
     s = Structure(
-        nodes, fixed, (springs, ropes), surface, np.array(rows), lines,
-        beams=(tubes, bars), frames=frames, clamped=clamped, riders=riders, carriers=carriers,
+        nodes, fixed, (springs, ropes, tubes, bars), interface_groups(surface, np.array(rows), lines),
+        frames, clamped, riders, carriers,
     )  # fmt: skip
     image = mirror_of_frame()
     dead = np.zeros((n, 3))
@@ -93,4 +102,4 @@ def frame():
     moment[0] = (0.0, 2.0, 0.0)
     pressure = np.array([3.0, -2.0, 4.0, 3.0, -2.0, 4.0])
     line_load = np.array([[1.0, 0.5, -2.0], [1.0, -0.5, -2.0]])
-    return s, Loads(pressure, None, dead, line_load, moment)
+    return s, Loads(dead, interface_loads(pressure, None, line_load), moment=moment)

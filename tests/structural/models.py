@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.sparse as sp
 
-from structural import Chains, Loads, Structure
+from structural import Chains, Loads, Structure, interface_groups, interface_loads
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 
@@ -44,15 +44,15 @@ def structure(nodes, fixed, groups, surface=None, panels=None, lines=None):
     nodes = np.asarray(nodes, float)
     fixed = np.asarray(fixed, bool)
     fixed = np.repeat(fixed[:, None], 3, axis=1) if fixed.ndim == 1 else fixed
-    surface = sp.csr_array((0, len(nodes))) if surface is None else sp.csr_array(surface)
     panels = np.zeros((0, 4), dtype=int) if panels is None else np.asarray(panels)
-    lines = np.zeros((0, 2), dtype=int) if lines is None else np.asarray(lines)
-    return Structure(nodes, fixed, tuple(groups), surface, panels, lines)
+    lines = None if lines is None else np.asarray(lines)
+    loaded = {} if surface is None else interface_groups(sp.csr_array(surface), panels, lines)
+    return Structure(nodes, fixed, tuple(groups), loaded)
 
 
 def dead(weight):
     """Loads that are nodal forces (n,3) N only."""
-    return Loads(np.zeros(0), None, np.asarray(weight, float))
+    return Loads(np.asarray(weight, float))
 
 
 def lengths(x, nodes):
@@ -67,7 +67,7 @@ def clear_of_kinks(x, groups):
 
 def residual_of(assembly, groups, loads):
     """The residual as a function of the unknowns, and the prepared loads."""
-    prepared = assembly.prepare(groups, loads)
+    prepared = assembly.prepare(loads, groups)
     return (lambda q: assembly.residual(q, prepared)[0]), prepared
 
 
@@ -131,5 +131,5 @@ def _with_surface(rng, nodes, fixed, groups, mirror, pairs):
     w = np.array([[50.0, -20.0, 30.0], [-40.0, 35.0, 10.0]])
     line_load = np.concatenate([w, w * MIRROR, [[25.0, 0.0, -45.0]]])
     # the image of a triangle (a, b, c, c) listed backwards is (a, c, c, b): collapsed at another corner, same panel
-    loads = Loads(pressure, shear, np.zeros_like(nodes), line_load)
+    loads = Loads(np.zeros_like(nodes), interface_loads(pressure, shear, line_load))
     return structure(nodes, fixed, groups, surface, panels, lines), loads

@@ -1,12 +1,9 @@
 """Particle systems with closed forms, for the tests of motion."""
 
 import numpy as np
-import scipy.sparse as sp
 
-from structural import Assembly, Chains, Loads, Structure
+from structural import Assembly, Chains, Legs, Loads, Structure
 from structural.dynamics import Motion
-
-NO_PANELS = np.zeros((0, 4), dtype=int)
 
 
 def particles(nodes, fixed, chains, dead=None, mass=1.0, wind=None, diameter=None):
@@ -14,11 +11,10 @@ def particles(nodes, fixed, chains, dead=None, mass=1.0, wind=None, diameter=Non
     nodes = np.asarray(nodes, float)
     held = np.zeros(nodes.shape, dtype=bool)
     held[list(fixed)] = True
-    none = sp.csr_array((0, len(nodes)))
-    exposed = {} if diameter is None else {"exposed": chains[0].nodes, "diameter": np.full(len(chains[0].l0), diameter)}
-    assembly = Assembly(Structure(nodes, held, tuple(chains), none, NO_PANELS, **exposed))
-    loads = Loads(np.zeros(0), None, np.zeros(nodes.shape) if dead is None else dead, wind=wind)
-    return Motion(assembly, np.broadcast_to(mass, len(nodes)), tuple(chains), loads), nodes
+    legs = {} if diameter is None else {"legs": Legs(chains[0].nodes, np.full(len(chains[0].l0), diameter))}
+    assembly = Assembly(Structure(nodes, held, tuple(chains), legs))
+    loads = Loads(np.zeros(nodes.shape) if dead is None else dead, {} if wind is None else {"legs": wind})
+    return Motion(assembly, np.broadcast_to(mass, len(nodes)), loads, tuple(chains)), nodes
 
 
 def row(n, k, l0, c=None, two_way=True):

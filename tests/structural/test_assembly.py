@@ -1,13 +1,25 @@
 """Residual and tangent of whole structures, with and without mirror symmetry."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 import scenes
-from structural import Assembly, Loads, Structure, equilibrium, line_load_forces, mirror_permutation, surface_forces
-from structural.chains import chain_forces
+from structural import (
+    Assembly,
+    Loads,
+    Structure,
+    equilibrium,
+    interface_groups,
+    interface_loads,
+    line_load_forces,
+    mirror_permutation,
+    surface_forces,
+)
+from structural.elements.chains import chain_forces
 from tests.structural.models import (
     TANGENT_TOLERANCE,
     central_difference,
@@ -18,6 +30,11 @@ from tests.structural.models import (
     residual_of,
     structure,
 )
+
+
+def _surface(s):
+    """Weights of the nodes of the loaded surface."""
+    return s.load_groups["panels"].weights
 
 
 def _states(rng, assembly, groups, scale, count):
@@ -34,7 +51,7 @@ def _kite():
     """Structure of the V3 kite, its mirror permutation and loads of the size met in flight, mirror-symmetric."""
     scene = scenes.load("v3_kite")
     m, i = scene.members, scene.interface
-    s = Structure(m.nodes, m.fixed, m.chains, i.weights, i.panels, i.lines)
+    s = Structure(m.nodes, m.fixed, m.chains, interface_groups(i.weights, i.panels, i.lines))
     rng = np.random.default_rng(1)
     half = len(i.panels) // 4 + 1  # 9 strips: the middle one is its own image
     p, t = rng.uniform(50, 300, (2, half)), rng.uniform(-20, 20, (2, half, 3))
@@ -43,7 +60,7 @@ def _kite():
     shear = np.concatenate([t, t[:, -2::-1] * [1, -1, 1]], axis=1).reshape(-1, 3)
     weight = m.mass[:, None] * np.array([0.0, 0.0, -9.81])
     line_load = np.tile([0.2, 0.0, -0.05], (len(i.lines), 1))  # N/m: lines of 2 mm in 12 m/s
-    return s, mirror_permutation(m.nodes), Loads(pressure, shear, weight, line_load)
+    return s, mirror_permutation(m.nodes), Loads(weight, interface_loads(pressure, shear, line_load))
 
 
 def _kite_at_trim():
@@ -54,12 +71,12 @@ def _kite_at_trim():
     c, w = (f(scene.trim_angle()) for f in (np.cos, np.sin))
     start = s.nodes @ np.array([[c, 0.0, -w], [0.0, 1.0, 0.0], [w, 0.0, c]])
     air = scene.aero_core()
-    air.set("displacement", s.surface @ start - scene.interface.nodes)
+    air.set("displacement", _surface(s) @ start - scene.interface.nodes)
     air.step(0.0, 0.0)
     pressure, shear = air.get("pressure"), air.get("shear")
-    force = surface_forces((s.surface @ start)[s.panels], pressure, shear).reshape(-1, 3)
-    on_nodes = s.surface[s.panels.ravel()].T @ force
-    return s, mirror, start, Loads(0.1 * pressure, 0.1 * shear, loads.dead + 0.9 * on_nodes)
+    force = surface_forces((_surface(s) @ start)[s.load_groups["panels"].nodes], pressure, shear).reshape(-1, 3)
+    on_nodes = _surface(s)[s.load_groups["panels"].nodes.ravel()].T @ force
+    return s, mirror, start, Loads(loads.dead + 0.9 * on_nodes, interface_loads(0.1 * pressure, 0.1 * shear))
 
 
 @pytest.mark.parametrize("symmetric", [False, True], ids=["full", "half"])
@@ -69,10 +86,10 @@ def test_tangent_of_random_structures_is_the_gradient_of_the_residual(symmetric)
     for _ in range(25):
         s, loads, mirror = random_mirrored(rng)
         assembly = Assembly(s, mirror if symmetric else None)
-        r, prepared = residual_of(assembly, s.chains, loads)
-        for q in _states(rng, assembly, s.chains, 0.2, 4):
+        r, prepared = residual_of(assembly, s.groups, loads)
+        for q in _states(rng, assembly, s.groups, 0.2, 4):
             x = assembly.unknowns.expand(q)
-            pulls = np.concatenate([np.abs(chain_forces(x, c)).max(axis=(1, 2)) > 0 for c in s.chains])
+            pulls = np.concatenate([np.abs(chain_forces(x, c)).max(axis=(1, 2)) > 0 for c in s.groups])
             slack, taut = slack + np.count_nonzero(~pulls), taut + np.count_nonzero(pulls)
             residual, k, _ = assembly.residual_and_tangent(q, prepared)
             assert residual == pytest.approx(r(q), abs=1e-10)  # the same sums in another order, forces of 1e3 N
@@ -86,9 +103,9 @@ def test_tangent_of_random_structures_is_the_gradient_of_the_residual(symmetric)
 def test_tangent_of_the_kite_is_the_gradient_of_the_residual(symmetric):
     s, mirror, loads = _kite()
     assembly = Assembly(s, mirror if symmetric else None)
-    r, prepared = residual_of(assembly, s.chains, loads)
+    r, prepared = residual_of(assembly, s.groups, loads)
     rng = np.random.default_rng(symmetric)
-    for n, q in enumerate(_states(rng, assembly, s.chains, 0.1, 100)):
+    for n, q in enumerate(_states(rng, assembly, s.groups, 0.1, 100)):
         _, k, _ = assembly.residual_and_tangent(q, prepared)
         scale = np.abs(k.data).max()
         if n % 10 == 0:
@@ -108,11 +125,11 @@ def test_half_model_is_the_full_model_restricted_to_mirror_symmetric_shapes():
         base = half.unknowns.expand(np.zeros(half.unknowns.count))
         columns = [full.unknowns.restrict(half.unknowns.expand(e) - base) for e in identity]
         t = np.array(columns).T
-        q = next(_states(rng, half, s.chains, 0.1, 1))
+        q = next(_states(rng, half, s.groups, 0.1, 1))
         x = half.unknowns.expand(q)
         assert np.abs(x[mirror] * [1, -1, 1] - x).max() <= 1e-15  # it is a copy
-        r_half, k_half, _ = half.residual_and_tangent(q, half.prepare(s.chains, loads))
-        r_full, k_full, _ = full.residual_and_tangent(full.unknowns.restrict(x), full.prepare(s.chains, loads))
+        r_half, k_half, _ = half.residual_and_tangent(q, half.prepare(loads))
+        r_full, k_full, _ = full.residual_and_tangent(full.unknowns.restrict(x), full.prepare(loads))
         assert r_half == pytest.approx(t.T @ r_full, abs=1e-12 * np.abs(r_full).max() * len(r_full))  # rounding of sums
         reference = t.T @ k_full.toarray() @ t
         assert np.abs(k_half.toarray() - reference).max() <= 1e-12 * np.abs(reference).max() * len(r_full) ** 0.5
@@ -125,15 +142,15 @@ def test_half_model_is_the_full_model_restricted_to_mirror_symmetric_shapes():
 
 def test_half_model_of_the_kite_has_the_solution_of_the_full_model():
     s, mirror, start, loads = _kite_at_trim()
-    half = equilibrium(Assembly(s, mirror), s.chains, loads, start, atol=1e-9)
+    half = equilibrium(Assembly(s, mirror), loads, start, atol=1e-9)
     assert half.converged
     full = Assembly(s)
-    r, _ = full.residual(full.unknowns.restrict(half.x), full.prepare(s.chains, loads))
+    r, _ = full.residual(full.unknowns.restrict(half.x), full.prepare(loads))
     # the unknowns of the half model collect the forces of both sides: its norm bounds sqrt(2) times the full one; the
     # rest is rounding of forces of 1e3 N in 37 nodes
     assert np.linalg.norm(r) <= 1e-9
     wobble = 1e-3 * np.sin(np.arange(s.nodes.size)).reshape(-1, 3)
-    whole = equilibrium(full, s.chains, loads, half.x + wobble, atol=1e-9)
+    whole = equilibrium(full, loads, half.x + wobble, atol=1e-9)
     assert whole.converged
     # the kite swings on its bridle like a pendulum with some 100 N/m; nodes of slack lines hang on less than 1 N/m
     assert np.abs(whole.x - half.x).max() <= 1e-6
@@ -151,7 +168,7 @@ def test_half_model_of_a_taut_net_finds_the_solution_of_the_full_model():
     s = structure(nodes, fixed, [net])
     force = rng.normal(scale=50.0, size=(19, 3))
     loads = dead(force + force[mirror] * [1, -1, 1])
-    solutions = [equilibrium(Assembly(s, m), s.chains, loads, nodes, atol=1e-9) for m in (None, mirror)]
+    solutions = [equilibrium(Assembly(s, m), loads, nodes, atol=1e-9) for m in (None, mirror)]
     assert all(e.converged for e in solutions)
     # every free node has stiffness of at least 100 N/m, so 1e-9 N is 1e-11 m
     assert np.abs(solutions[0].x - solutions[1].x).max() <= 1e-10
@@ -162,18 +179,19 @@ def test_surface_loads_reach_the_nodes_with_their_force_moment_and_virtual_work(
     rng = np.random.default_rng(5)
     s, loads, mirror = random_mirrored(rng)
     slack = chains([[0, 1], mirror[[0, 1]]], 1e3, 1.0)
-    s = structure(s.nodes, np.zeros_like(s.fixed), [slack], s.surface, s.panels, s.lines)  # only the surface bears
+    panels, lines = (s.load_groups[name].nodes for name in ("panels", "lines"))
+    s = replace(s, fixed=np.zeros_like(s.fixed), groups=(slack,))  # only the surface bears
     assembly = Assembly(s, mirror if symmetric else None)
     q = assembly.unknowns.restrict(s.nodes)
-    r, _ = residual_of(assembly, s.chains, loads)
+    r, _ = residual_of(assembly, s.groups, loads)
     dq = rng.normal(size=len(q))
     x = assembly.unknowns.expand(q)
     dx = assembly.unknowns.expand(q + dq) - x
     places, moves = (
-        np.concatenate([(s.surface @ a)[s.panels.ravel()], (s.surface @ a)[s.lines.ravel()]]) for a in (x, dx)
+        np.concatenate([(_surface(s) @ a)[panels.ravel()], (_surface(s) @ a)[lines.ravel()]]) for a in (x, dx)
     )
-    on_panels = surface_forces((s.surface @ x)[s.panels], loads.pressure, loads.shear)
-    on_lines = line_load_forces((s.surface @ x)[s.lines], loads.line_load)
+    on_panels = surface_forces((_surface(s) @ x)[panels], loads.on["panels"].pressure, loads.on["panels"].shear)
+    on_lines = line_load_forces((_surface(s) @ x)[lines], loads.on["lines"].per_length)
     force = np.concatenate([on_panels.reshape(-1, 3), on_lines.reshape(-1, 3)])
     size = np.abs(force).sum() * 10.0  # arms and displacements of some metres
     assert -r(q) @ dq == pytest.approx(np.sum(force * moves), abs=1e-14 * size)  # rounding
@@ -189,12 +207,12 @@ def test_energy_gradient_is_the_internal_force(seed):
     rng = np.random.default_rng(seed)
     s, loads, _ = random_mirrored(rng)
     assembly = Assembly(s)
-    unloaded = Loads(0.0 * loads.pressure, None, loads.dead)
-    r, _ = residual_of(assembly, s.chains, unloaded)
-    q = next(_states(rng, assembly, s.chains, 0.2, 1))
-    gradient = central_difference(lambda y: assembly.energy(assembly.unknowns.expand(y), s.chains), q)
+    unloaded = Loads(loads.dead, interface_loads(0.0 * loads.on["panels"].pressure))
+    r, _ = residual_of(assembly, s.groups, unloaded)
+    q = next(_states(rng, assembly, s.groups, 0.2, 1))
+    gradient = central_difference(lambda y: assembly.energy(assembly.configuration(y), s.groups), q)
     # energies of 1e3 to 1e4 J, rounded in every term of the sum: up to 2.5 eps E / h over 60 seeds, h = 1e-6 m
-    energy = assembly.energy(assembly.unknowns.expand(q), s.chains)
+    energy = assembly.energy(assembly.configuration(q), s.groups)
     assert gradient[0] == pytest.approx(r(q), abs=3.0 * np.finfo(float).eps * energy / 1e-6)
 
 
@@ -212,7 +230,7 @@ def test_unknowns_are_numbered_so_that_factors_fill_in_little(symmetric):
     s = structure(nodes, x == 0.0, [chains(links, 0.0, 100.0, True)])
     assembly = Assembly(s, mirror_permutation(nodes) if symmetric else None)
     q = assembly.unknowns.restrict(nodes)
-    _, k, _ = assembly.residual_and_tangent(q, assembly.prepare(s.chains, dead(0.0 * nodes)))
+    _, k, _ = assembly.residual_and_tangent(q, assembly.prepare(dead(0.0 * nodes)))
     fill = spla.splu(k, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).L.nnz
     best = spla.splu(k, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).L.nnz
     rng = np.random.default_rng(0)
@@ -231,7 +249,7 @@ def test_structure_without_elements_is_assembled_and_solved():
     nodes = np.array([[0.0, 0, 0], [1.0, 0, 0]])
     for fixed in ([True, True], [True, False]):
         s = structure(nodes, fixed, [])
-        result = equilibrium(Assembly(s), s.chains, dead(0.0 * nodes), nodes)
+        result = equilibrium(Assembly(s), dead(0.0 * nodes), nodes)
         assert result.converged
         assert np.array_equal(result.x, nodes)
 
@@ -239,7 +257,7 @@ def test_structure_without_elements_is_assembled_and_solved():
 def test_structure_without_free_nodes_is_in_equilibrium_at_once():
     nodes = np.array([[0.0, 0, 0], [1.0, 0, 0]])
     s = structure(nodes, [True, True], [chains([0, 1], 0.5, 10.0)])
-    result = equilibrium(Assembly(s), s.chains, dead(np.ones((2, 3))), nodes)
+    result = equilibrium(Assembly(s), dead(np.ones((2, 3))), nodes)
     assert result.converged
     assert result.iterations == 0
     assert np.array_equal(result.x, nodes)
@@ -260,6 +278,7 @@ def test_coincident_nodes_are_mirrored_one_to_one():
 
 def test_surface_that_is_not_mirror_symmetric_is_refused_for_the_half_model():
     s, _, mirror = random_mirrored(np.random.default_rng(8))
-    lopsided = Structure(s.nodes, s.fixed, s.chains, sp.csr_array(s.surface[:5]), s.panels[:1])
+    panels = interface_groups(sp.csr_array(_surface(s)[:5]), s.load_groups["panels"].nodes[:1])
+    lopsided = Structure(s.nodes, s.fixed, s.groups, panels)
     with pytest.raises(ValueError, match="not mirror-symmetric"):
         Assembly(lopsided, mirror)

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from benchmarks.cantilevers import cantilever, straight, tip_loaded
+from interface.vectors import rotation, spin, turned
 from structural import (
     Assembly,
     Beams,
@@ -21,8 +21,7 @@ from structural import (
     section_forces,
     tip_load,
 )
-from structural.beams import SERIES_ABOVE, _stretch, beam_forces, beam_forces_and_tangents
-from structural.rotations import rotation, spin, turned
+from structural.elements.beams import SERIES_ABOVE, _stretch, beam_forces, beam_forces_and_tangents
 from tests.structural.beam_models import frame, mirror_of_frame
 from tests.structural.models import TANGENT_TOLERANCE, central_difference
 
@@ -151,7 +150,7 @@ def test_tangent_of_a_frame_with_riders_and_all_loads_is_the_gradient_but_for_sp
 ):
     s, loads = frame()
     assembly = Assembly(s, mirror_of_frame() if symmetric else None)
-    prepared = assembly.prepare(s.chains, loads)
+    prepared = assembly.prepare(loads)
     rng = np.random.default_rng(7)
     for _ in range(4):
         q, rotations = _wobbled(assembly, rng, 0.05)
@@ -181,8 +180,8 @@ def test_tangent_of_a_frame_with_riders_and_all_loads_is_the_gradient_but_for_sp
 def test_tangent_in_equilibrium_under_moments_is_the_gradient_of_the_residual():
     s, loads = frame()
     assembly = Assembly(s)
-    found = equilibrium(assembly, s.chains, loads, s.nodes, atol=1e-9)
-    prepared = assembly.prepare(s.chains, loads)
+    found = equilibrium(assembly, loads, s.nodes, atol=1e-9)
+    prepared = assembly.prepare(loads)
     q = assembly.unknowns.restrict(found.x)
     _, k, _ = assembly.residual_and_tangent(q, prepared, found.rotations)
     slope = central_difference(
@@ -203,7 +202,7 @@ def _arguments(at, prepared):
 def test_half_of_a_mirrored_frame_with_riders_has_the_solution_of_the_whole():
     s, loads = frame()
     mirror = mirror_of_frame()
-    whole, half = (equilibrium(Assembly(s, m), s.chains, loads, s.nodes, atol=1e-9) for m in (None, mirror))
+    whole, half = (equilibrium(Assembly(s, m), loads, s.nodes, atol=1e-9) for m in (None, mirror))
     assert whole.converged
     assert half.converged
     assert np.abs(whole.x - s.nodes).max() > 0.1  # m
@@ -215,7 +214,7 @@ def test_half_of_a_mirrored_frame_with_riders_has_the_solution_of_the_whole():
 
 def test_riders_stay_where_they_are_in_the_frame_of_their_carrier():
     s, loads = frame()
-    found = equilibrium(Assembly(s), s.chains, loads, s.nodes, atol=1e-9)
+    found = equilibrium(Assembly(s), loads, s.nodes, atol=1e-9)
     at = found.x[s.frames[s.carriers]]
     arms = np.einsum("kij,kj->ki", found.rotations[s.carriers], s.arms)
     assert found.x[s.riders] == pytest.approx(at + arms, abs=1e-14)  # rounding
@@ -243,8 +242,8 @@ def _nearly_collapsed():
 
 def _loaded_frame():
     s, loads = frame()
-    found = equilibrium(Assembly(s), s.chains, loads, s.nodes, atol=1e-9)
-    return Assembly(s), s.chains, loads, found
+    found = equilibrium(Assembly(s), loads, s.nodes, atol=1e-9)
+    return Assembly(s), s.groups, loads, found
 
 
 def _loaded_cantilever(case):
@@ -252,7 +251,7 @@ def _loaded_cantilever(case):
     found = tip_loaded(s, atol=1e-9, **how)
     dead, moment = np.zeros_like(s.nodes), np.zeros((len(s.frames), 3))
     dead[-1], moment[-1] = how.get("force", 0.0), how.get("moment", 0.0)
-    return Assembly(s), (), Loads(np.zeros(0), None, dead, moment=moment), found
+    return Assembly(s), s.groups, Loads(dead, moment=moment), found
 
 
 PROBLEMS = {
@@ -274,7 +273,7 @@ def _newton(assembly, prepared, at):
 def test_a_newton_step_from_near_the_solution_squares_the_distance_to_it(problem):
     assembly, groups, loads, found = PROBLEMS[problem]()
     assert found.converged
-    prepared = assembly.prepare(groups, loads)
+    prepared = assembly.prepare(loads, groups)
     at = assembly.unknowns.restrict(found.x), found.rotations
     for _ in range(2):
         at = _newton(assembly, prepared, at)  # to rounding
@@ -300,7 +299,7 @@ def test_the_answer_depends_neither_on_the_start_nor_on_the_length_of_steps(prob
     q, rotations = assembly.moved(q, found.rotations, rng.normal(scale=0.01, size=len(q)))  # m and rad
     x = assembly.positions(q, rotations)
     for limit in (1.0, 0.02):
-        other = equilibrium(assembly, groups, loads, x, atol=1e-10, step_limit=limit, rotations=rotations)
+        other = equilibrium(assembly, loads, x, atol=1e-10, step_limit=limit, rotations=rotations, groups=groups)
         assert other.converged
         # residuals of 1e-9 N at most (rounding of axial forces) on tip stiffnesses of a few N/m and more
         assert other.x == pytest.approx(found.x, abs=1e-9)
@@ -320,11 +319,10 @@ def _two_halves(hinged, force):
     fixed = np.zeros((n, 3), dtype=bool)
     fixed[[0, 8]] = True
     clamped = fixed[frames]
-    nothing = sp.csr_array((0, n)), np.zeros((0, 4), dtype=int)
-    s = Structure(nodes, fixed, (), *nothing, beams=(beams,), frames=frames, clamped=clamped)
+    s = Structure(nodes, fixed, (beams,), frames=frames, clamped=clamped)
     dead = np.zeros_like(nodes)
     dead[4, 1] = force
-    return s, equilibrium(Assembly(s), (), Loads(np.zeros(0), None, dead), nodes, atol=1e-11)
+    return s, equilibrium(Assembly(s), Loads(dead), nodes, atol=1e-11)
 
 
 def test_beams_that_meet_in_a_hinge_carry_no_moment_through_it():
@@ -334,7 +332,7 @@ def test_beams_that_meet_in_a_hinge_carry_no_moment_through_it():
     # either half is a cantilever of 1 m under half the force: F / 2 / 3 EI. The rope effect, of order EA w^2 / EI,
     # adds w = 1.7e-4, 3e-5 of it
     assert found.x[4, 1] == pytest.approx(force / 6.0, rel=1e-4)
-    forces = section_forces(found.x, found.rotations, s.beams[0])
+    forces = section_forces(found.x, found.rotations, s.groups[0])
     # no moment on either side of the hinge, but for what the solve leaves, 1e-11 N m
     assert np.abs(np.concatenate([forces[3, 3:5], forces[4, 1:3]])).max() <= 1e-7 * force
     assert abs(forces[0, 2]) == pytest.approx(0.5 * force, rel=1e-4)  # the root has the whole of it, F / 2 times 1 m
@@ -356,14 +354,13 @@ def test_a_rider_carries_its_force_to_the_frame_with_the_moment_of_its_turned_ar
         base,
         nodes=nodes,
         fixed=np.concatenate([base.fixed, np.zeros((1, 3), dtype=bool)]),
-        surface=sp.csr_array((0, n + 2)),
         riders=np.array([n + 1]),
         carriers=np.array([n]),
     )
     force = np.array([0.2, 0.8, -0.4])
     dead = np.zeros_like(nodes)
     dead[-1] = force
-    found = equilibrium(Assembly(s), (), Loads(np.zeros(0), None, dead), nodes, atol=1e-10)
+    found = equilibrium(Assembly(s), Loads(dead), nodes, atol=1e-10)
     assert found.converged
     arm = found.rotations[n] @ np.array([0.0, 0.0, 0.3])
     same = tip_loaded(base, force, np.cross(arm, force), atol=1e-10, steps=4)

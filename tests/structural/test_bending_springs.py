@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from benchmarks.cantilevers import elastica
 from structural import (
@@ -16,13 +15,12 @@ from structural import (
     quad_rows,
     row_bending,
 )
-from structural.bending import bending_forces, bending_forces_and_tangents, triple_bending
+from structural.elements.bending import bending_forces, bending_forces_and_tangents, triple_bending
 
 from .models import TANGENT_TOLERANCE, central_difference
 
 EI, EA = 1.0, 1e6  # N m^2, N, of a strip of 1 m
 ROUNDING = 2e-8  # N, of coordinates of 1 m (1e-16) times EA over a segment (3e7 N/m), a few times
-NO_PANELS = np.zeros((0, 4), dtype=int)
 
 
 def turned(x):
@@ -57,10 +55,10 @@ def strip(count, load):
     k = np.where(np.arange(count) == 0, 2.0, 1.0) * rows.k
     rows = BendingSprings(rows.nodes, rows.arms, k, rows.rest)
     chains = (springs(x, links),)
-    s = Structure(x, fixed, chains, sp.csr_array((0, n)), NO_PANELS, bending=(rows,))
+    s = Structure(x, fixed, (*chains, rows))
     dead = np.zeros((n, 3))
     dead[-1, 2] = load
-    found = equilibrium(Assembly(s), chains, Loads(np.zeros(0), None, dead), x, atol=ROUNDING)
+    found = equilibrium(Assembly(s), Loads(dead), x, atol=ROUNDING)
     assert found.converged
     return found.x[-1]
 
@@ -176,10 +174,10 @@ def test_a_strip_of_quads_bends_as_its_rows_do_together():
     chains = (springs(x, np.unique(np.sort(sides, axis=1), axis=0)),)
     fixed = np.repeat((i < 2)[:, None], 3, axis=1)
     rows = triple_bending(triples, x, stiffness)
-    s = Structure(x, fixed, chains, sp.csr_array((0, len(x))), NO_PANELS, bending=(rows,))
+    s = Structure(x, fixed, (*chains, rows))
     dead = np.zeros_like(x)
     dead[-wide:, 2] = load / wide
-    found = equilibrium(Assembly(s), chains, Loads(np.zeros(0), None, dead), x, atol=ROUNDING)
+    found = equilibrium(Assembly(s), Loads(dead), x, atol=ROUNDING)
     assert found.converged
     tip = strip(count, load)[2]
     # an out-of-balance force of ROUNDING over the load is 2e-5 of the deflection

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from structural import tensions
-from structural.chains import Chains, chain_energy, chain_forces, chain_forces_and_tangents
+from structural.elements.chains import Chains, chain_energy, chain_forces, chain_forces_and_tangents
 from tests.structural.models import KINK, TANGENT_TOLERANCE, central_difference, chains, clear_of_kinks, lengths
 
 

@@ -7,12 +7,12 @@ import scipy.sparse.linalg as spla
 from scipy.optimize import brentq
 
 from benchmarks.nets import saddle
-from structural import Assembly, Loads, equilibrium, tensions
+from structural import Assembly, Loads, equilibrium, interface_loads, tensions
 from tests.structural.models import chains, dead, structure
 
 
 def _solve(s, loads, x0=None, **options):
-    result = equilibrium(Assembly(s), s.chains, loads, s.nodes if x0 is None else x0, **options)
+    result = equilibrium(Assembly(s), loads, s.nodes if x0 is None else x0, **options)
     assert result.converged, result.status
     return result
 
@@ -37,7 +37,7 @@ def test_weight_hangs_at_rest_length_plus_weight_over_stiffness(two_way, start):
 def test_line_cannot_push_but_spring_can():
     for two_way, force in ((False, 0.0), (True, -50.0)):
         s = structure([[0, 0, 0], [0, 0, 0.9]], [True, True], [chains([0, 1], 1.0, 500.0, two_way)])
-        assert tensions(s.nodes, s.chains[0]) == pytest.approx(force, abs=1e-12)  # rounding of 500 N/m x 1 m
+        assert tensions(s.nodes, s.groups[0]) == pytest.approx(force, abs=1e-12)  # rounding of 500 N/m x 1 m
 
 
 @pytest.mark.parametrize("drop", [0.0, 0.5, -1.2], ids=["level", "low end", "high end"])
@@ -59,7 +59,7 @@ def test_weight_on_a_rope_between_two_points_rests_at_the_lowest_point_of_the_el
     expected = [first * span / length, 0.0, -first * cosine]
     # swinging along the ellipse has about W / L of stiffness: 1e-8 N is 1e-9 m; at 1e7 N/m lengths round to 1e-9 N
     assert result.x[1] == pytest.approx(expected, abs=2e-9)
-    tension = tensions(result.x, s.chains[0])[0]
+    tension = tensions(result.x, s.groups[0])[0]
     assert tension == pytest.approx(0.5 * weight / cosine, rel=1e-8)
     legs = np.diff(result.x, axis=0)
     steepness = np.abs(legs[:, 2]) / np.linalg.norm(legs, axis=1)
@@ -81,9 +81,9 @@ def test_rope_meets_every_loaded_sheave_at_equal_angles():
     for before, sheave, after in ((0, 1, 2), (2, 3, 4), (1, 5, 6)):
         u, v = (x[n] - x[sheave] for n in (before, after))
         u, v = u / np.linalg.norm(u), v / np.linalg.norm(v)
-        pull = tensions(x, s.chains[1 if sheave == 5 else 0])[0]
+        pull = tensions(x, s.groups[1 if sheave == 5 else 0])[0]
         hung = (x[5] - x[1]) / np.linalg.norm(x[5] - x[1])  # the second rope pulls at sheave 1 along its first leg
-        other = {1: -tensions(x, s.chains[1])[0] * hung, 3: np.array([0, 0, 40.0]), 5: np.array([0, 0, 30.0])}[sheave]
+        other = {1: -tensions(x, s.groups[1])[0] * hung, 3: np.array([0, 0, 40.0]), 5: np.array([0, 0, 30.0])}[sheave]
         direction = other / np.linalg.norm(other)
         assert u @ direction == pytest.approx(v @ direction, abs=1e-9)  # 1e-9 N of some 10 N
         assert pull * (u + v) == pytest.approx(other, abs=2e-9)
@@ -123,7 +123,7 @@ def test_net_of_zero_rest_length_is_the_solution_of_one_linear_system(g):
     rng = np.random.default_rng(g)
     force = rng.normal(scale=20.0, size=s.nodes.shape)
     result = _solve(s, dead(force), atol=1e-9)
-    a, b = s.chains[0].nodes.T
+    a, b = s.groups[0].nodes.T
     n = len(s.nodes)
     adjacency = sp.coo_array((np.full(len(a), 10.0), (a, b)), shape=(n, n))
     laplace = sp.diags_array(np.bincount(np.concatenate([a, b]), minlength=n) * 10.0) - (adjacency + adjacency.T)
@@ -158,7 +158,7 @@ def test_pressure_in_a_ring_of_lines_gives_hoop_tension_p_times_r():
     s = structure(nodes, fixed, [hoops], np.eye(2 * n), panels)
     normals = np.cross(nodes[panels[:, 2]] - nodes[panels[:, 0]], nodes[panels[:, 3]] - nodes[panels[:, 1]])
     sign = np.sign(np.sum(normals * nodes[panels[:, 0]], axis=1))[0]
-    result = _solve(s, Loads(np.full(n, sign * pressure), None, np.zeros_like(nodes)), atol=1e-8)
+    result = _solve(s, Loads(np.zeros_like(nodes), interface_loads(np.full(n, sign * pressure))), atol=1e-8)
     # each hoop carries half the width: at a corner 2 T sin(pi/n) = p (b/2) l cos(pi/n), with l = side + T side-stretch
     length = brentq(
         lambda l: k * (l - side) - 0.25 * pressure * width * l / np.tan(np.pi / n), side, 2.0 * side, xtol=1e-15
@@ -172,7 +172,7 @@ def test_tolerance_is_a_force_and_is_met_or_said_not_to_be():
         result = _solve(s, dead(np.zeros_like(s.nodes)), atol=atol)
         assert result.residual <= atol
         assembly = Assembly(s)
-        r, _ = assembly.residual(assembly.unknowns.restrict(result.x), assembly.prepare(s.chains, dead(0 * s.nodes)))
+        r, _ = assembly.residual(assembly.unknowns.restrict(result.x), assembly.prepare(dead(0 * s.nodes)))
         assert np.linalg.norm(r) == pytest.approx(result.residual, abs=1e-12)  # rounding of forces of 10 N
     weight = np.zeros_like(s.nodes)
     weight[:, 2] = -10.0

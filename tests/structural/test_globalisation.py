@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.nets import saddle
 from structural import Assembly, Loads, equilibrium, tensions
-from structural.chains import Chains, chain_energy
+from structural.elements.chains import Chains, chain_energy
 from tests.structural.models import chains, dead, lengths, structure
 
 
@@ -14,23 +14,23 @@ from tests.structural.models import chains, dead, lengths, structure
 @pytest.mark.parametrize("ratio", [0.5, 0.9])
 def test_saddle_net_reaches_equilibrium(g, two_way, ratio):
     s = saddle(g, ratio, two_way)
-    result = equilibrium(Assembly(s), s.chains, dead(np.zeros_like(s.nodes)), s.nodes, atol=1e-8)
+    result = equilibrium(Assembly(s), dead(np.zeros_like(s.nodes)), s.nodes, atol=1e-8)
     assert result.converged
     assert result.residual <= 1e-8
     # 3 to 49 seen, a plain Newton method fails at g = 5 and 31, a peer needs 900. Where fine nets of springs buckle
     # there are many wrinkled equilibria in long curved valleys: up to 166 seen, and rounding decides which is met
     buckled = two_way and ratio == 0.9 and g > 13
     assert result.iterations <= (200 if buckled else 60)
-    energy = chain_energy(result.x, s.chains[0])
-    assert energy < chain_energy(s.nodes, s.chains[0])
+    energy = chain_energy(result.x, s.groups[0])
+    assert energy < chain_energy(s.nodes, s.groups[0])
 
 
 def test_saddle_of_taut_springs_does_not_care_whether_they_may_push():
     results = []
     for two_way in (True, False):
         s = saddle(9, 0.5, two_way)
-        results.append(equilibrium(Assembly(s), s.chains, dead(0 * s.nodes), s.nodes, atol=1e-9))
-    if np.all(tensions(results[0].x, s.chains[0]) > 0.0):
+        results.append(equilibrium(Assembly(s), dead(0 * s.nodes), s.nodes, atol=1e-9))
+    if np.all(tensions(results[0].x, s.groups[0]) > 0.0):
         # taut at half their length the springs hold every node with some 10 N/m
         assert np.abs(results[0].x - results[1].x).max() <= 1e-8
     assert all(r.converged for r in results)
@@ -60,9 +60,9 @@ def test_tension_only_net_under_dead_loads_has_one_set_of_tensions_wherever_it_s
     found = []
     for spread in (0.0, 0.5, 2.0, 5.0):
         start = s.nodes + rng.normal(scale=spread, size=s.nodes.shape)
-        result = equilibrium(assembly, s.chains, loads, start, atol=1e-8)
+        result = equilibrium(assembly, loads, start, atol=1e-8)
         assert result.converged, (spread, result.status, result.residual)
-        found.append(np.concatenate([tensions(result.x, c) for c in s.chains]))
+        found.append(np.concatenate([tensions(result.x, c) for c in s.groups]))
     # tensions are as exact as forces up to the conditioning of the net; energies differ by residual x distance
     assert np.ptp(found, axis=0).max() <= 1e-5
     assert np.count_nonzero(found[0] == 0.0) > 5  # slack members were there
@@ -75,10 +75,10 @@ def test_everything_slack_at_the_start_is_no_obstacle():
         s = structure(x, np.isin(np.arange(n + 1), [0, n]), [chains(links, 1.5 / n, 1e4)])
         weight = np.zeros_like(x)
         weight[:, 2] = -10.0 / n
-        result = equilibrium(Assembly(s), s.chains, dead(weight), x, atol=1e-8)
+        result = equilibrium(Assembly(s), dead(weight), x, atol=1e-8)
         assert result.converged
         u = np.diff(result.x, axis=0)
-        pull = tensions(result.x, s.chains[0]) * u[:, 0] / np.linalg.norm(u, axis=1)
+        pull = tensions(result.x, s.groups[0]) * u[:, 0] / np.linalg.norm(u, axis=1)
         assert pull == pytest.approx(pull[0], abs=1e-7)  # the horizontal pull is the same in all links, to some 1e-8 N
 
 
@@ -90,7 +90,7 @@ def test_slack_nodes_without_weight_stay_where_they_are():
     )
     weight = np.zeros((5, 3))
     weight[1, 2] = -10.0
-    result = equilibrium(Assembly(s), s.chains, dead(weight), nodes, atol=1e-9)
+    result = equilibrium(Assembly(s), dead(weight), nodes, atol=1e-9)
     assert result.converged
     assert np.array_equal(result.x[[2, 3]], nodes[[2, 3]])  # no force ever acts on them
     assert result.x[1, 2] == pytest.approx(-0.91, abs=1e-9)
@@ -99,10 +99,10 @@ def test_slack_nodes_without_weight_stay_where_they_are():
 def test_slack_nodes_that_a_taut_member_lets_go_do_not_fly_off():
     nodes = np.array([[0, 0, 0], [3.5, 0, 0.0], [4.0, 0, 0]])  # one line starts stretched by 1 m; both can be slack
     s = structure(nodes, [True, False, True], [chains([[0, 1], [1, 2]], [2.5, 2.0], 1e3)])
-    result = equilibrium(Assembly(s), s.chains, dead(np.zeros((3, 3))), nodes, atol=1e-9)
+    result = equilibrium(Assembly(s), dead(np.zeros((3, 3))), nodes, atol=1e-9)
     assert result.converged
     assert np.abs(result.x - nodes).max() < 2.0
-    assert np.all(tensions(result.x, s.chains[0]) <= 1e-9)
+    assert np.all(tensions(result.x, s.groups[0]) <= 1e-9)
 
 
 def test_truss_with_a_mechanism_that_the_load_does_not_excite_is_solved():
@@ -111,7 +111,7 @@ def test_truss_with_a_mechanism_that_the_load_does_not_excite_is_solved():
     s = structure(nodes, [True, True, False, False], [chains([[1, 2], [2, 3], [3, 0]], 1.0, 1e3, True)])
     force = np.zeros((4, 3))
     force[[2, 3], 2] = 10.0
-    result = equilibrium(Assembly(s), s.chains, dead(force), nodes, atol=1e-9)
+    result = equilibrium(Assembly(s), dead(force), nodes, atol=1e-9)
     assert result.converged
     assert result.x[2:, 2] == pytest.approx(1.01, abs=1e-9)
 
@@ -122,7 +122,7 @@ def test_mechanism_swings_to_where_the_load_wants_it():
     s = structure(nodes, [True, False, False], [chains([[0, 1], [1, 2]], 1.0, 1e4, True)])
     force = np.zeros((3, 3))
     force[2, 2] = -20.0
-    result = equilibrium(Assembly(s), s.chains, dead(force), nodes, atol=1e-9)
+    result = equilibrium(Assembly(s), dead(force), nodes, atol=1e-9)
     assert result.converged
     assert result.x[2] == pytest.approx([0.0, 0.0, -2.0 - 2.0 * 20.0 / 1e4], abs=1e-8)  # 1e-9 N over 20 N / 2 m
 
@@ -132,7 +132,7 @@ def test_load_without_an_equilibrium_ends_with_a_status_and_never_silently():
     s = structure(nodes, [True, False, False], [chains([0, 1], 1.0, 100.0, True)])  # node 2 is tied to nothing
     force = np.zeros((3, 3))
     force[2, 2] = -1.0
-    result = equilibrium(Assembly(s), s.chains, dead(force), nodes, max_iterations=20)
+    result = equilibrium(Assembly(s), dead(force), nodes, max_iterations=20)
     assert not result.converged
     assert result.status in ("max_iterations", "stalled")
     assert np.all(np.isfinite(result.x))
@@ -141,8 +141,8 @@ def test_load_without_an_equilibrium_ends_with_a_status_and_never_silently():
 
 def test_too_few_iterations_are_a_status():
     s = saddle(7, 0.5, True)
-    enough = equilibrium(Assembly(s), s.chains, dead(0 * s.nodes), s.nodes, atol=1e-8)
-    short = equilibrium(Assembly(s), s.chains, dead(0 * s.nodes), s.nodes, atol=1e-8, max_iterations=2)
+    enough = equilibrium(Assembly(s), dead(0 * s.nodes), s.nodes, atol=1e-8)
+    short = equilibrium(Assembly(s), dead(0 * s.nodes), s.nodes, atol=1e-8, max_iterations=2)
     assert enough.converged
     assert (short.status, short.iterations) == ("max_iterations", 2)
     assert len(short.residuals) == 3
@@ -155,28 +155,26 @@ def test_loads_and_positions_that_are_not_finite_are_a_status(bad):
     start = s.nodes.copy()
     start[~s.fixed[:, 0], 0] = bad
     with np.errstate(all="ignore"):
-        assert equilibrium(Assembly(s), s.chains, dead(0 * s.nodes), start).status == "not_finite"
-        assert equilibrium(Assembly(s), s.chains, dead(np.full_like(s.nodes, bad)), s.nodes).status == "not_finite"
+        assert equilibrium(Assembly(s), dead(0 * s.nodes), start).status == "not_finite"
+        assert equilibrium(Assembly(s), dead(np.full_like(s.nodes, bad)), s.nodes).status == "not_finite"
 
 
 def test_warm_start_at_the_solution_does_not_iterate_and_a_near_one_hardly_does():
     s, loads, _ = _net(1)
     assembly = Assembly(s)
-    result = equilibrium(assembly, s.chains, loads, s.nodes, atol=1e-8)
-    again = equilibrium(assembly, s.chains, loads, result.x, atol=1e-8)
+    result = equilibrium(assembly, loads, s.nodes, atol=1e-8)
+    again = equilibrium(assembly, loads, result.x, atol=1e-8)
     assert again.iterations == 0
     assert np.array_equal(again.x, result.x)
-    more = Loads(loads.pressure, None, 1.0001 * loads.dead)
-    assert (
-        equilibrium(assembly, s.chains, more, result.x, atol=1e-8).iterations <= 6
-    )  # Newton from a ten-thousandth away
+    more = Loads(1.0001 * loads.dead, loads.on)
+    assert equilibrium(assembly, more, result.x, atol=1e-8).iterations <= 6  # Newton from a ten-thousandth away
 
 
 def test_scaling_lengths_and_stiffnesses_scales_the_solution():
     # metres to millimetres with forces unchanged: no hidden length or stiffness decides where the solver ends
     s = saddle(5, 0.5, False)
-    small = structure(1e-3 * s.nodes, s.fixed, [Chains(c.nodes, 1e-3 * c.l0, 1e3 * c.k, c.two_way) for c in s.chains])
-    a, b = (equilibrium(Assembly(m), m.chains, dead(0 * m.nodes), m.nodes, atol=1e-9) for m in (s, small))
+    small = structure(1e-3 * s.nodes, s.fixed, [Chains(c.nodes, 1e-3 * c.l0, 1e3 * c.k, c.two_way) for c in s.groups])
+    a, b = (equilibrium(Assembly(m), dead(0 * m.nodes), m.nodes, atol=1e-9) for m in (s, small))
     assert a.converged
     assert b.converged
     assert np.abs(1e3 * b.x - a.x).max() <= 1e-8  # both to 1e-9 N over some 10 N/m

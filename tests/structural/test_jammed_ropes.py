@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from structural import Assembly, equilibrium
-from structural.chains import KNOB, chain_energy, chain_forces, chain_forces_and_tangents, tensions
+from structural.elements.chains import KNOB, chain_energy, chain_forces, chain_forces_and_tangents, tensions
 from tests.structural.models import TANGENT_TOLERANCE, central_difference, chains, dead, structure
 
 REST, STIFFNESS = 1.9, 1000.0
@@ -25,7 +25,7 @@ def test_light_weight_of_atwoods_machine_jams_in_the_knob_of_the_sheave(light, s
     s, loads = _atwood(heavy, light)
     start = s.nodes + np.random.default_rng(3).normal(scale=spread, size=s.nodes.shape)
     start[1] = 0.0
-    result = equilibrium(Assembly(s), s.chains, loads, start, atol=1e-9)
+    result = equilibrium(Assembly(s), loads, start, atol=1e-9)
     assert result.converged
     # the heavy side makes the tension; the knob carries the light one with T l / knob
     knob = KNOB * REST
@@ -79,10 +79,10 @@ def test_free_sheave_pulled_harder_than_twice_its_loose_end_hauls_that_end_in(st
     s = structure(nodes, [True, False, False], [chains([0, 1, 2], REST, 2e4)])
     force = np.zeros((3, 3))
     force[1:, 2] = pull, -weight
-    result = equilibrium(Assembly(s), s.chains, dead(force), nodes, atol=1e-9)
+    result = equilibrium(Assembly(s), dead(force), nodes, atol=1e-9)
     assert result.converged
     tension = pull - weight
-    assert tensions(result.x, s.chains[0])[0] == pytest.approx(tension, abs=1e-8)  # 1e-9 N, rounding of 2e4 N/m x 2 m
+    assert tensions(result.x, s.groups[0])[0] == pytest.approx(tension, abs=1e-8)  # 1e-9 N, rounding of 2e4 N/m x 2 m
     knob = KNOB * REST
     short = knob * weight / tension
     height = REST + tension / 2e4 - 0.5 * (short**2 / knob + knob)

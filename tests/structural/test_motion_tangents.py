@@ -5,10 +5,10 @@ import pytest
 
 from benchmarks.particle_steps import chain, square
 from structural import Chains, Wind, damping_forces
-from structural.damping import damping_forces_and_tangents
 from structural.dynamics import GeneralisedAlpha, ImplicitEuler, Motion, integrate
 from structural.dynamics.steps import factorised
-from structural.wind import drag_forces, drag_forces_and_tangents
+from structural.elements.chains import damping_forces_and_tangents
+from structural.loads.legs import drag_forces, drag_forces_and_tangents
 
 from .models import TANGENT_TOLERANCE, central_difference, lengths
 from .particles import particles, row
@@ -114,7 +114,7 @@ def test_masses_with_directions_resist_along_them_only():
     motion, x = particles(nodes, [0], row(2, 1e-300, 1.0), dead=np.ones((2, 3)))
     normal = np.array([0.0, 0.6, 0.8])
     blocks = np.eye(3) + 9.0 * np.multiply.outer(normal, normal) * np.array([0.0, 1.0])[:, None, None]
-    heavy = Motion(motion.assembly, blocks, motion.chains(0.0), motion._loads(0.0))
+    heavy = Motion(motion.assembly, blocks, motion._loads(0.0), motion.groups(0.0))
     a = heavy.velocities(heavy.at(x).a)[1]
     assert a @ normal == pytest.approx(1.4 / 10.0)
     assert np.cross(a, normal) == pytest.approx(np.cross(np.ones(3), normal))

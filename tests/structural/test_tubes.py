@@ -14,7 +14,7 @@ from structural import (
     tip_load,
     torque,
 )
-from structural.tubes import FULLY_WRINKLED, LEAST_RADIUS
+from structural.materials.tubes import FULLY_WRINKLED, LEAST_RADIUS
 from tests.structural.models import central_difference
 
 LENGTH = np.array([0.3])  # m, of one element
@@ -117,7 +117,7 @@ def test_curvature_of_the_fits_integrates_to_the_deflection_they_come_from(press
 def test_fullness_is_one_where_the_cantilever_of_one_metre_collapses_and_grows_with_the_load():
     p, r, n = 0.3e5, 0.1, 5
     s = cantilever(straight(n), breukels_tube(p, np.full(n, r)))
-    beams = s.beams[0]
+    beams = s.groups[0]
     fullness = []
     for part in (0.5, 0.9, 1.0, 1.05):
         found = tip_loaded(s, (0.0, tip_load(p, r, part * collapse_deflection(p, r)), 0.0), atol=1e-8)

@@ -10,7 +10,7 @@ from benchmarks.problems import in_process
 from master import Aitken, fixed_point
 from master.coupling import solve
 from master.schemes import SCHEMES
-from structural import Assembly, Chains, Loads, Structure, equilibrium, tensions
+from structural import Assembly, Chains, LineLoad, Lines, Loads, Structure, equilibrium, tensions
 
 
 def blown_line(n, span=100.0, length=101.0, diameter=0.004, wind=10.0):
@@ -24,15 +24,14 @@ def blown_line(n, span=100.0, length=101.0, diameter=0.004, wind=10.0):
     chains = (Chains(links, rest, 1e8 / rest, np.zeros(n, bool)),)  # EA of 1e8 N: strains of 5e-7
     fixed = np.zeros((n + 1, 3), bool)
     fixed[[0, -1]] = True
-    none = np.zeros((0, 4), dtype=int)
-    assembly = Assembly(Structure(nodes, fixed, chains, np.eye(n + 1), none, links))
+    assembly = Assembly(Structure(nodes, fixed, chains, {"lines": Lines(links)}))
     start = nodes.copy()
     start[:, 0] = 0.1 * span * (1.0 - (2.0 * nodes[:, 2] / span) ** 2)
 
     def under_wind(x):
         load = line_loads(x[links], np.full(n, diameter), np.array([wind, 0.0, 0.0]), 1.225, 1.1, 0.0)
-        loads = Loads(np.zeros(0), None, np.zeros_like(x), load)
-        solved = equilibrium(assembly, chains, loads, x, atol=5e-6)
+        loads = Loads(np.zeros_like(x), {"lines": LineLoad(load)})
+        solved = equilibrium(assembly, loads, x, atol=5e-6)
         assert solved.converged
         return solved.x
 

@@ -38,8 +38,8 @@ def test_kinetic_damping_converges_with_the_most_particles_too():
 @pytest.mark.parametrize("method", ["viscous", "kinetic", "kinetic-q"])
 def test_every_way_finds_the_same_form(method):
     s = hanging(13, 100.0, 1.0, two_way=False)  # springs that push have other equilibria too, which kinetic ways find
-    exact = form_finding(s.assembly, s.chains, s.loads, s.x, "equilibrium", atol=1e-9)
-    other = form_finding(s.assembly, s.chains, s.loads, s.x, method, atol=1e-7, max_steps=3000)
+    exact = form_finding(s.assembly, s.loads, s.x, "equilibrium", atol=1e-9, groups=s.groups)
+    other = form_finding(s.assembly, s.loads, s.x, method, atol=1e-7, max_steps=3000, groups=s.groups)
     assert other.converged
     # 1e-7 N over the least stiffness of the sag, some 1 N/m
     assert np.abs(other.x - exact.x).max() < 1e-6
@@ -59,7 +59,7 @@ def test_lines_that_cannot_push_are_found_as_fast():
     for k in STIFFNESSES:
         for model in (hanging, blown):
             s = model(85, k, 0.0, two_way=False)
-            form = form_finding(s.assembly, s.chains, s.loads, s.x)
+            form = form_finding(s.assembly, s.loads, s.x, groups=s.groups)
             assert form.converged
             assert form.iterations < 30  # from slack particles in a row it would be hundreds
 
@@ -76,4 +76,4 @@ def test_lines_that_cannot_push_are_found_as_fast():
 def test_form_finding_refuses_what_cannot_be_in_one_sentence(given, words):
     s = hanging(5, 100.0, 1.0)
     with pytest.raises(ValueError, match=words):
-        form_finding(s.assembly, s.chains, s.loads, s.x, **given)
+        form_finding(s.assembly, s.loads, s.x, **given, groups=s.groups)

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from structural import Assembly, equilibrium
-from structural.chains import KNOB
+from structural.elements.chains import KNOB
 from tests.structural.models import chains, dead, lengths, structure
 
 REST, STIFFNESS = 2.2, 5e4  # m, as in the thesis; N/m, a rope of some 5 mm
@@ -24,7 +24,7 @@ def _nested(force):
     loads = np.zeros((7, 3))
     loads[6] = force
     # every tension is at least a quarter of the force: 1e-10 of it turns no leg by more than 1e-9 rad
-    result = equilibrium(Assembly(s), s.chains, dead(loads), nodes, atol=1e-10 * float(np.linalg.norm(force)))
+    result = equilibrium(Assembly(s), dead(loads), nodes, atol=1e-10 * float(np.linalg.norm(force)))
     assert result.converged, result.status
     return result.x
 
@@ -168,7 +168,7 @@ def _network(seed):
 def _out_of_balance(s, x, force):
     """Force N left on the free nodes, (n,3): dead forces and, leg by leg, the pull of every line and rope."""
     left = force.copy()
-    for group in s.chains:
+    for group in s.groups:
         for nodes, l0, k in zip(group.nodes, group.l0, group.k, strict=True):
             # a rope has knobs, a line has none: shorter legs pull less and are (l^2 / knob + knob) / 2 long
             knob = KNOB * l0 if len(nodes) > 2 else 0.0
@@ -187,14 +187,14 @@ def test_two_hundred_random_networks_of_ropes_and_lines_come_to_rest():
     slack = jammed = 0
     for seed in range(200):
         s, force = _network(seed)
-        result = equilibrium(Assembly(s), s.chains, dead(force), s.nodes)
+        result = equilibrium(Assembly(s), dead(force), s.nodes)
         assert result.converged, (seed, result.status, result.residual)
         # what the solver promises is 1e-6 N; rounding of up to 3e6 N/m x 20 m adds some 1e-8 N to either sum
         assert np.linalg.norm(_out_of_balance(s, result.x, force)) <= 1.1e-6, seed
-        slack += any(np.any(lengths(result.x, c.nodes) < c.l0) for c in s.chains)
+        slack += any(np.any(lengths(result.x, c.nodes) < c.l0) for c in s.groups)
         jammed += any(
             np.any(np.linalg.norm(np.diff(result.x[c.nodes], axis=1), axis=2) < KNOB * c.l0[:, None])
-            for c in s.chains
+            for c in s.groups
             if c.nodes.shape[1] > 2
         )
     assert min(slack, jammed) >= 20  # both kinds are common, so both are tested

@@ -19,7 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from .rotations import cross, spin
+from interface.vectors import cross, spin
+
+from .contract import ElementGroup, translations
 
 # Cosine above which g is summed as a series in 1 - cos, where the closed form loses digits.
 SERIES_ABOVE = 0.9
@@ -27,7 +29,7 @@ _TERMS = np.cumprod(np.concatenate([[1.0], [(k + 1.0) / (2.0 * k + 3.0) for k in
 
 
 @dataclass(frozen=True, eq=False)
-class Beams:
+class Beams(ElementGroup):
     """Elements between two nodes that have rotations.
 
     `nodes` (e,2), `frames` (e,2) the rotation of the structure that each end turns with, `axes` (e,3,3) reference
@@ -41,15 +43,34 @@ class Beams:
     section: Any
     names: tuple[str, ...] = field(default=())
 
-    def select(self, rows):
-        """The chosen elements."""
-        names = tuple(np.array(self.names, dtype=object)[rows]) if self.names else ()
-        arrays = (a[rows] for a in (self.nodes, self.frames, self.axes, self.l0))
-        return Beams(*arrays, self.section.select(rows), names)
-
     def with_section(self, section):
         """The same elements with another section."""
         return replace(self, section=section)
+
+    def dofs(self, node_count):
+        """Dofs (e,12): position and spin of either end."""
+        first, second = node_count + self.frames[:, 0], node_count + self.frames[:, 1]
+        return translations(np.stack([self.nodes[:, 0], first, self.nodes[:, 1], second], axis=1))
+
+    def properties(self):
+        """See ElementGroup. What a section has beside its stiffness follows from radius and pressure."""
+        return {
+            "length": self.l0,
+            "axial stiffness": self.section.EA,
+            "bending stiffness": self.section.initial_bending,
+        }
+
+    def forces(self, at):
+        """See ElementGroup."""
+        return beam_forces(at.x, at.rotations, self)
+
+    def forces_and_tangents(self, at):
+        """See ElementGroup."""
+        return beam_forces_and_tangents(at.x, at.rotations, self)
+
+    def rounding(self, reach):
+        """EA and 12 EI / l0^2 of bending; beams may be much shorter than their coordinates."""
+        return (self.section.EA + 12.0 * self.section.initial_bending / self.l0**2) * np.maximum(1.0, reach / self.l0)
 
 
 def reference_axes(nodes, ends, across=None):

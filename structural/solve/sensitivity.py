@@ -3,11 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse.linalg as spla
 
-# Pivots leave the diagonal only below this part of their column. More than a thousandth loses less than three digits;
-# more fill than that of Newton's own factorisation costs little, since this one serves every direction at its state.
-PIVOT = 1e-3
+from .linear import ACCURATE_PIVOT, Singular, factorised, shifted
+
 # Shift relative to each unknown's own stiffness where the tangent is exactly singular.
 SHIFT = 1e-12
 
@@ -22,25 +20,21 @@ class LoadSensitivity:
     get (nearly) no displacement, as in the steps of the solver.
     """
 
-    def __init__(self, assembly, chains, loads, x, beams=None, rotations=None, reaction=None):
+    def __init__(self, assembly, loads, x, groups=None, rotations=None, reaction=None):
         self._assembly, self._x, self._rotations = assembly, x, rotations
         if reaction is not None:
             loads = replace(loads, moment=reaction if loads.moment is None else loads.moment + reaction)
-        self._dead = np.zeros_like(loads.dead)
-        prepared = assembly.prepare(chains, loads, beams)
+        prepared = assembly.prepare(loads, groups)
         _, k, _ = assembly.residual_and_tangent(assembly.unknowns.restrict(x), prepared, rotations)
-        try:
-            self._factors = self._factorised(k)
-        except RuntimeError:  # exactly singular
-            diagonal = np.abs(k.data[assembly.diagonal])
-            k.data[assembly.diagonal] += SHIFT * np.maximum(diagonal, diagonal.mean())
-            self._factors = self._factorised(k)
-
-    @staticmethod
-    def _factorised(k):
+        self._factors = None
         if not k.shape[0]:
-            return None
-        return spla.splu(k, permc_spec="NATURAL", diag_pivot_thresh=PIVOT, options={"SymmetricMode": True})
+            return
+        try:
+            self._factors = factorised(k, ACCURATE_PIVOT)
+        except Singular:
+            diagonal = np.abs(k.data[assembly.diagonal])
+            shift = SHIFT * np.maximum(diagonal, diagonal.mean())
+            self._factors = factorised(shifted(k, assembly.diagonal, shift), ACCURATE_PIVOT)
 
     def __call__(self, change):
         """Displacements (n,3) m of the nodes for a small change of the loads, a `Loads` of these changes.

@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .contract import ElementGroup
+
 
 @dataclass(frozen=True, eq=False)
-class BendingSprings:
+class BendingSprings(ElementGroup):
     """Springs that resist the bend at the middle one of three `nodes` (e,3).
 
     The bend is b = (x_a - x_b)/l_a + (x_c - x_b)/l_c with the rest distances `arms` (e,2) m, a vector whose length is
@@ -25,14 +27,21 @@ class BendingSprings:
         if np.any(self.arms <= 0.0):
             raise ValueError("the arms of a bending spring must be longer than zero.")
 
-    @property
-    def l0(self):
-        """Mean arm (e,) m, for what counts elements."""
-        return self.arms.mean(axis=1)
+    def properties(self):
+        """See ElementGroup."""
+        return {"bending stiffness": self.k, "rest bend": self.rest}
 
-    def select(self, rows):
-        """The chosen springs."""
-        return BendingSprings(self.nodes[rows], self.arms[rows], self.k[rows], self.rest[rows])
+    def forces(self, at):
+        """See ElementGroup."""
+        return bending_forces(at.x, self)
+
+    def forces_and_tangents(self, at):
+        """See ElementGroup."""
+        return bending_forces_and_tangents(at.x, self)
+
+    def energy(self, at):
+        """See ElementGroup."""
+        return bending_energy(at.x, self)
 
 
 def row_bending(nodes, x, stiffness):

@@ -1,9 +1,6 @@
-"""Finite rotations of nodes: spins that turn rotation matrices, and their mirror images in the plane y = 0."""
+"""Vectors and finite rotations: products over the last axis, and spins that turn rotation matrices."""
 
 import numpy as np
-
-# What a mirror in y = 0 does to a polar vector and to the axis of a rotation.
-MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 def spin(v):
@@ -15,8 +12,8 @@ def spin(v):
 
 
 def cross(a, b):
-    """a x b over the last axis; several times faster than numpy.cross on small arrays."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    """a x b over the last axis, real or complex; several times faster than numpy.cross on small arrays."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
     out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
     out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
@@ -41,6 +38,8 @@ def turned(rotations, spins):
     return 0.5 * new @ (3.0 * np.eye(3) - new.transpose(0, 2, 1) @ new)
 
 
-def mirrored(rotations):
-    """Images (s,3,3) of rotation matrices in the plane y = 0."""
-    return rotations * MIRROR[:, None] * MIRROR[None, :]
+def rotated(points, angle, about):
+    """Points (n,3) turned nose-up by `angle` rad about the y axis through `about` (3,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return about + (points - about) @ turn.T

@@ -1,0 +1,26 @@
+"""What all rooms agree on: vectors and the geometry of interface panels, named blocks of values, one kind of failure.
+
+A leaf: it imports nothing of the project, so that structure and flow need not know each other to mean the same panel.
+"""
+
+from .failures import StepFailed
+from .mesh import SurfaceMesh
+from .mirror import MIRROR, mirror_permutation, mirror_rows
+from .panels import area_vectors, corner_shares
+from .variables import Variable
+from .vectors import cross, rotation, spin, turned
+
+__all__ = [
+    "MIRROR",
+    "StepFailed",
+    "SurfaceMesh",
+    "Variable",
+    "area_vectors",
+    "corner_shares",
+    "cross",
+    "mirror_permutation",
+    "mirror_rows",
+    "rotation",
+    "spin",
+    "turned",
+]

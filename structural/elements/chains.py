@@ -1,0 +1,281 @@
+"""Springs, tension-only lines and ropes over pulleys: one kernel, because all are a chain of nodes with one tension.
+
+They may be damped (Kelvin-Voigt): a viscous resistance to the rate of their lengths.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .contract import ElementGroup
+
+# Radius of the knob at a sheave and at the ends of a rope, relative to the rest length of the rope: some millimetres on
+# a kite. A leg shorter than that has the length (l^2 / knob + knob) / 2, so that the force of a sheave that has run
+# onto the end of its rope grows from zero over the knob. With l itself it would have no limit there, and a jammed rope
+# no equilibrium. Longer legs do not notice.
+KNOB = 1e-3
+# An element this little short of taut, relative to its rest length, is stiff for Newton's method: a row of them that
+# hangs loose by rounding alone would fall into pieces else, and find together by one element in each iteration.
+TOUCH = 1e-10
+# The damping of an element that cannot push grows from zero over this stretch, relative to its rest length: the force
+# of a line that becomes taut at speed would jump else, and an implicit step over the jump would have no solution.
+ONSET = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Chains(ElementGroup):
+    """Elements of m nodes each: m = 2 springs and lines, m = 3 a rope through one sheave, m = k + 2 through k sheaves.
+
+    `nodes` (e, m) indices along the rope, `l0` (e,) rest length m (0 is allowed for springs), `k` (e,) stiffness N/m of
+    the whole element, `two_way` (e,) bool: also takes compression, `names` (e,). In motion `c` (e,) N s/m is the
+    viscous damping of the rate of its length (None: none), over that of its rest length, `l0_rate` (e,) m/s (None: 0).
+    """
+
+    nodes: np.ndarray
+    l0: np.ndarray
+    k: np.ndarray
+    two_way: np.ndarray
+    names: tuple[str, ...] = field(default=())
+    c: np.ndarray | None = None
+    l0_rate: np.ndarray | None = None
+
+    def __post_init__(self):
+        if self.c is not None and np.any(self.c < 0.0):
+            worst = int(np.argmin(self.c))
+            name = self.names[worst] if self.names else f"number {worst}"
+            raise ValueError(f"the damping of element {name} is {self.c[worst]:g} N s/m; it must not be negative.")
+
+    def properties(self):
+        """See ElementGroup."""
+        return {"rest length": self.l0, "stiffness": self.k, "two-way": self.two_way}
+
+    def forces(self, at):
+        """See ElementGroup."""
+        return chain_forces(at.x, self)
+
+    def forces_and_tangents(self, at):
+        """See ElementGroup."""
+        return chain_forces_and_tangents(at.x, self)
+
+    def energy(self, at):
+        """See ElementGroup."""
+        return chain_energy(at.x, self)
+
+    @property
+    def damped(self):
+        """See ElementGroup."""
+        return self.c is not None
+
+    def damping_forces(self, at):
+        """See ElementGroup."""
+        return damping_forces(at.x, at.v, self)
+
+    def damping_forces_and_tangents(self, at, isotropic=False):
+        """See ElementGroup."""
+        return damping_forces_and_tangents(at.x, at.v, self, isotropic)
+
+    def reeling_power(self, at):
+        """See ElementGroup."""
+        return reeling_power(at.x, at.v, self)
+
+    def undamped(self):
+        """See ElementGroup."""
+        return replace(self, c=None)
+
+    def never_slack(self):
+        """See ElementGroup."""
+        return self if self.two_way.all() else replace(self, two_way=np.ones_like(self.two_way))
+
+    def slackening_stiffness(self):
+        """See ElementGroup."""
+        return self.k
+
+    def rounding(self, reach):
+        """See ElementGroup."""
+        return self.k * self.l0
+
+    def softenable(self):
+        """See ElementGroup. Springs that may push keep their stiffness, which keeps them from buckling."""
+        return float(np.max(self.k * self.l0, where=~self.two_way, initial=0.0))
+
+    def softened(self, load):
+        """See ElementGroup: k' = k P / (P + k l0)."""
+        return replace(self, k=np.where(self.two_way, self.k, self.k * load / (load + self.k * self.l0)))
+
+
+def _legs(x, chains):
+    """Directions (e, m-1, 3), lengths (e, m-1) m of all legs, what d was divided by, and which legs end in a knob."""
+    d = np.diff(x[chains.nodes], axis=1)
+    l = np.sqrt(np.einsum("eik,eik->ei", d, d))
+    knob = KNOB * chains.l0[:, None] if chains.nodes.shape[1] > 2 else 0.0
+    jammed = l < knob
+    safe = np.maximum(l, knob)
+    safe = np.where(safe > 0.0, safe, 1.0)
+    return d / safe[..., None], np.where(jammed, 0.5 * (l * l / safe + safe), l), safe, jammed
+
+
+def _stretched(x, chains):
+    """Unit legs, lengths m, divisors m and knobs as in `_legs`, and the stretch m (e,) of every element."""
+    u, l, safe, jammed = _legs(x, chains)
+    return u, l, safe, jammed, l.sum(axis=1) - chains.l0
+
+
+def tensions(x, chains):
+    """Tension N (e,) of every element at node positions x (n,3): k <sum of leg lengths - l0>.
+
+    The bracket is the positive part unless the element is two-way (PSM thesis eq. 4.3, engineering strain). A
+    frictionless rope has the same tension in all of its legs.
+    """
+    _, l, _, _ = _legs(x, chains)
+    return _tension(l, chains)[0]
+
+
+def _tension(l, chains):
+    stretch = l.sum(axis=1) - chains.l0
+    tension = np.where(chains.two_way | (stretch > 0.0), chains.k * stretch, 0.0)
+    return tension, chains.two_way | (stretch > -TOUCH * chains.l0)
+
+
+def chain_energy(x, chains, weight=None):
+    """Strain energy J of all elements, sum of k <stretch>^2 / 2, each counted `weight` (e,) times."""
+    _, l, _, _ = _legs(x, chains)
+    t, _ = _tension(l, chains)
+    energy = 0.5 * t * t / chains.k
+    return float(np.sum(energy if weight is None else weight * energy))
+
+
+def _length_gradient(u):
+    """Derivative of the element lengths with respect to their nodes, (e, m, 3), from unit legs u (e, m-1, 3)."""
+    g = np.zeros((u.shape[0], u.shape[1] + 1, 3))
+    g[:, :-1] -= u
+    g[:, 1:] += u
+    return g
+
+
+def chain_forces(x, chains):
+    """Internal forces N (e, m, 3) on the nodes of every element: the gradient of its strain energy, T dL/dx."""
+    u, l, _, _ = _legs(x, chains)
+    t, _ = _tension(l, chains)
+    return t[:, None, None] * _length_gradient(u)
+
+
+def chain_forces_and_tangents(x, chains):
+    """Internal forces (e, m, 3) N and consistent tangents (e, 3m, 3m) N/m.
+
+    K = k g g^T + T d2L/dx2, with g = dL/dx over all nodes of the rope, which couples its legs, and per leg
+    d2l/dx2 = (I - u u^T) / l, or I / knob where the leg is shorter than the knob. A slack element gives zeros; a spring
+    of zero rest length gives k I even at zero length.
+    """
+    u, l, safe, jammed = _legs(x, chains)
+    t, active = _tension(l, chains)
+    per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
+    g = _length_gradient(u)
+    if g.shape[1] == 2:
+        return t[:, None, None] * g, _spring_tangents(u[:, 0], l[:, 0], chains.k * active, per_length[:, 0], chains)
+    e, m, _ = g.shape
+    flat = g.reshape(e, 3 * m)
+    tangent = (chains.k * active)[:, None, None] * (flat[:, :, None] * flat[:, None, :])
+    along = np.where(jammed, 0.0, 1.0)[..., None, None] * (u[..., :, None] * u[..., None, :])
+    geometric = per_length[..., None, None] * (np.eye(3) - along)  # (e, m-1, 3, 3)
+    blocks = tangent.reshape(e, m, 3, m, 3)
+    for i in range(m - 1):
+        blocks[:, i, :, i, :] += geometric[:, i]
+        blocks[:, i + 1, :, i + 1, :] += geometric[:, i]
+        blocks[:, i, :, i + 1, :] -= geometric[:, i]
+        blocks[:, i + 1, :, i, :] -= geometric[:, i]
+    return t[:, None, None] * g, tangent
+
+
+def _spring_tangents(u, l, k, per_length, chains):
+    """Tangents (e,6,6) N/m of elements with two nodes: blocks k u u^T + T/l (I - u u^T), negative between the nodes."""
+    per_length = np.where((l == 0.0) & (chains.l0 == 0.0), chains.k, per_length)
+    block = (k - per_length)[:, None, None] * (u[:, :, None] * u[:, None, :])
+    block += per_length[:, None, None] * np.eye(3)
+    tangent = np.empty((len(u), 2, 3, 2, 3))
+    tangent[:, 0, :, 0] = tangent[:, 1, :, 1] = block
+    tangent[:, 0, :, 1] = tangent[:, 1, :, 0] = -block
+    return tangent.reshape(len(u), 6, 6)
+
+
+def _rates(x, v, chains):
+    """Everything about lengths and their rates that forces and tangents need."""
+    u, length, safe, jammed, stretch = _stretched(x, chains)
+    dv = np.diff(v[chains.nodes], axis=1)
+    rate = np.einsum("eik,eik->e", u, dv)
+    if chains.l0_rate is not None:
+        rate = rate - chains.l0_rate
+    return u, length, safe, jammed, stretch, dv, rate
+
+
+def _viscous(stretch, rate, chains):
+    """Damping forces N (e,) and their derivatives by stretch N/m and rate N s/m.
+
+    A two-way element resists with c times its rate. One that cannot push does so only while it is taut, and never to
+    the point of pushing: k s + c rate >= 0.
+    """
+    onset = ONSET * np.where(chains.l0 > 0.0, chains.l0, 1.0)
+    part = np.where(chains.two_way, 1.0, np.clip(stretch / onset, 0.0, 1.0))
+    growing = ~chains.two_way & (stretch > 0.0) & (stretch < onset)
+    force = chains.c * part * rate
+    by_stretch = np.where(growing, chains.c * rate / onset, 0.0)
+    by_rate = chains.c * part
+    pushing = ~chains.two_way & (force < -chains.k * np.maximum(stretch, 0.0))
+    taut = stretch > 0.0
+    force = np.where(pushing, np.where(taut, -chains.k * stretch, 0.0), force)
+    by_stretch = np.where(pushing, np.where(taut, -chains.k, 0.0), by_stretch)
+    return force, by_stretch, np.where(pushing, 0.0, by_rate)
+
+
+def damping_forces(x, v, chains):
+    """Internal damping forces N (e,m,3) on the nodes of every element at positions x and velocities v (n,3).
+
+    F = c (dL/dt - dl0/dt) dL/dx along the legs (PSM thesis eq. 4.4, for a whole rope).
+    """
+    u, _, _, _, stretch, _, rate = _rates(x, v, chains)
+    return _viscous(stretch, rate, chains)[0][:, None, None] * _length_gradient(u)
+
+
+def reeling_power(x, v, chains):
+    """Power W that changes of rest length put into the dampers, -F dl0/dt, all of which these turn into heat."""
+    if chains.c is None or chains.l0_rate is None:
+        return 0.0
+    _, _, _, _, stretch, _, rate = _rates(x, v, chains)
+    return -float(_viscous(stretch, rate, chains)[0] @ chains.l0_rate)
+
+
+def damping_forces_and_tangents(x, v, chains, isotropic=False):
+    """Forces N (e,m,3), and derivatives (e,3m,3m) by positions N/m and by velocities N s/m.
+
+    With F = T(s, ds/dt) g, g = dL/dx and H = d2L/dx2: dF/dv = T_r g g^T, dF/dx = g (T_s g + T_r H v)^T + T H. The first
+    is along the element only. `isotropic` takes c I between neighbouring nodes instead and no dF/dx, as the PSM thesis
+    does (eq. 5.16).
+    """
+    u, length, safe, jammed, stretch, dv, rate = _rates(x, v, chains)
+    force, by_stretch, by_rate = _viscous(stretch, rate, chains)
+    g = _length_gradient(u)
+    e, m, _ = g.shape
+    if isotropic:
+        legs = chains.c[:, None, None, None] * np.broadcast_to(np.eye(3), (e, m - 1, 3, 3))
+        return force[:, None, None] * g, np.zeros((e, 3 * m, 3 * m)), _between(legs)
+    flat = g.reshape(e, 3 * m)
+    along = np.where(jammed, 0.0, 1.0)[..., None]
+    turning = np.where((length > 0.0)[..., None], dv - along * np.einsum("eik,eik->ei", u, dv)[..., None] * u, 0.0)
+    swing = _length_gradient(turning / safe[..., None]).reshape(e, 3 * m)  # H v
+    gradient = by_stretch[:, None] * flat + by_rate[:, None] * swing
+    across = np.where(length > 0.0, force[:, None] / safe, 0.0)[..., None, None]
+    legs = across * (np.eye(3) - along[..., None] * (u[..., :, None] * u[..., None, :]))
+    by_x = flat[:, :, None] * gradient[:, None, :] + _between(legs)
+    return force[:, None, None] * g, by_x, by_rate[:, None, None] * (flat[:, :, None] * flat[:, None, :])
+
+
+def _between(legs):
+    """Matrices (e,3m,3m) that resist the relative displacement of neighbouring nodes with blocks (e,m-1,3,3)."""
+    e, count, _, _ = legs.shape
+    m = count + 1
+    out = np.zeros((e, m, 3, m, 3))
+    for i in range(count):
+        out[:, i, :, i] += legs[:, i]
+        out[:, i + 1, :, i + 1] += legs[:, i]
+        out[:, i, :, i + 1] -= legs[:, i]
+        out[:, i + 1, :, i] -= legs[:, i]
+    return out.reshape(e, 3 * m, 3 * m)

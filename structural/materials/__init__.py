@@ -1,0 +1,1 @@
+"""Laws of cross-sections: linear beams, inflated tubes; tables of their constants."""

@@ -1,0 +1,202 @@
+"""Newton's method on any problem with a residual and a tangent, globalised so that slack members and mechanisms do no
+harm.
+"""
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from .linear import PIVOT, Singular, factorised, shifted
+
+# The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
+# nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
+SMALLEST_SHIFT = 1e-12
+# Least stiffness of the shift, relative to that of the stiffest element, where all members are slack.
+SOFTEST = 1e-6
+# Steps refused one after the other, and cuts of one step, before giving up.
+MOST_REJECTIONS, MOST_CUTS = 30, 12
+# Largest turn of a frame in one Newton step, rad.
+TURN_LIMIT = 0.5
+# After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
+SHORT_STEPS, BURST = 3, 10
+
+
+class Problem(Protocol):
+    """Equations r(u) = 0 of `turning.size` unknowns. Where the unknowns are is the problem's own business: the engine
+    hands back what `moved` gave it.
+    """
+
+    turning: np.ndarray  # which unknowns are spins, (q,) bool; the others are m
+    diagonal: np.ndarray  # places of the diagonal in the data of the tangent, (q,)
+    stiffest: float  # stiffness N/m of the stiffest element that may go slack, 0 without any
+
+    def residual_and_tangent(self, at: Any) -> tuple[np.ndarray, Any, float]:
+        """Residual (q,) N, its derivative as a sparse (q,q) matrix, and the norm N that tolerances are relative to."""
+
+    def moved(self, at: Any, step: np.ndarray) -> Any:
+        """Where the unknowns are after a step (q,) m and rad."""
+
+    def norm(self, r: np.ndarray) -> float:
+        """Norm N of a residual (q,)."""
+
+
+class Newton:
+    """State of one solve: where the unknowns are (`at`), residual r, tangent k, the norms met, and the shift.
+
+    Whole Newton steps come first and are kept as long as each burst of them lowers the residual. Otherwise steps of
+    K + mu S, S the mean stiffness: the shift mu is tied to the residual and adapts to how well the step did
+    (Levenberg-Marquardt), and a step is shortened until the out-of-balance force along it no longer grows. No step
+    moves an unknown by more than `step_limit` m, or turns a frame by more than TURN_LIMIT.
+
+    Converged is ||r|| <= atol + rtol ||external||.
+    """
+
+    def __init__(self, problem: Problem, at: Any, atol: float, rtol: float, step_limit: float):
+        self.problem = problem
+        self.atol, self.rtol, self.step_limit = atol, rtol, step_limit
+        self._least = SOFTEST * problem.stiffest
+        self._burst_tried = False
+        self._short, self._patience = 0, SHORT_STEPS
+        self._damping, self._rejected = 1.0, 0
+        self.norms: list[float] = []
+        self._accept(at, problem.residual_and_tangent(at))
+
+    @property
+    def status(self):
+        """ "converged", or "not_finite", "stalled", or "max_iterations" of a solve that could go on."""
+        if self.norm <= self.atol + self.rtol * self.external:
+            return "converged"
+        if not np.isfinite(self.norm):
+            return "not_finite"
+        return "stalled" if self._rejected > MOST_REJECTIONS else "max_iterations"
+
+    @property
+    def iterations(self):
+        """Newton iterations so far."""
+        return len(self.norms) - 1
+
+    def run(self, most):
+        """Newton iterations until the solve has ended or `most` were made in all; called again it goes on."""
+
+        def ended():
+            return self.status != "max_iterations" or self.iterations >= most
+
+        if not self._burst_tried:
+            self._burst_tried = True
+            while not ended() and self._burst(ended):
+                pass
+        while not ended():
+            s = self._guarded_step()
+            self._short = self._short + 1 if s < 0.3 else 0
+            if self._short >= self._patience and not ended():
+                better = self._burst(ended)
+                self._short, self._patience = 0, SHORT_STEPS if better else 2 * self._patience
+
+    def negative_pivots(self):
+        """How many directions have negative stiffness: pivots below zero of the tangent, factorised symmetrically; 0
+        where it is exactly singular: a mechanism, neither stable nor unstable.
+
+        By Sylvester's law of inertia for a symmetric tangent; that of follower loads is nearly so.
+        """
+        if not len(self.r):
+            return 0
+        try:
+            # relative to each unknown's own stiffness: that of axial members would hide slow modes of bending
+            shift = SMALLEST_SHIFT * np.maximum(self.problem.stiffest, self._diagonal())
+            return self._factors(shift, pivot=0.0).negative_pivots()
+        except Singular:
+            return 0
+
+    def _accept(self, at, evaluated):
+        self.at = at
+        self.r, self.k, self.external = evaluated
+        self.norm = self.problem.norm(self.r)
+        self.norms.append(self.norm)
+
+    def _burst(self, ended):
+        """Whole Newton steps, BURST at most; if they do not halve the residual, back to where they began and False."""
+        before = self.at, self.r, self.k, self.external, self.norm
+        start = self.norm
+        for _ in range(BURST):
+            at = self.problem.moved(self.at, self._step(SMALLEST_SHIFT))
+            self._accept(at, self.problem.residual_and_tangent(at))
+            if not np.isfinite(self.norm) or self.norm <= 0.1 * start or ended():
+                break
+        if self.norm < 0.5 * start or self.status == "converged":
+            self._damping = 0.0
+            return True
+        self.at, self.r, self.k, self.external, self.norm = before
+        return False
+
+    def _guarded_step(self):
+        """One shifted step, shortened as far as needed; the fraction taken, 0 where none would do."""
+        relative = min(self.norm / max(self.external, self.norms[0]), 1.0)
+        step = self._step(max(self._damping * relative, SMALLEST_SHIFT))
+        s, trial = self._along(step)
+        if trial is None:
+            self._damping = max(10.0 * self._damping, 1e-3)
+            self._rejected += 1
+            return 0.0
+        self._rejected = 0
+        if s == 1.0:
+            self._damping = 0.2 * self._damping if self._damping > 1e-8 else 0.0
+        elif s < 0.3:
+            self._damping = max(4.0 * self._damping, 1e-4)
+        self._accept(self.problem.moved(self.at, s * step), trial)
+        return s
+
+    def _diagonal(self):
+        return np.abs(self.k.data[self.problem.diagonal])
+
+    def _factors(self, shift, pivot=PIVOT):
+        """Factors of the tangent with `shift` N/m, one or (q,), added to its diagonal; it stays as it is itself."""
+        return factorised(shifted(self.k, self.problem.diagonal, shift), pivot)
+
+    def _step(self, mu):
+        """Step of the shifted tangent within the step limit; the shift grows until it goes downhill (-r.d > 0)."""
+        scale = self._scale()
+        while True:
+            try:
+                step = self._factors(mu * scale).solve(-self.r)
+            except Singular:
+                step = np.full_like(self.r, np.nan)
+            if np.all(np.isfinite(step)) and float(step @ self.r) < 0.0:
+                break
+            if mu > 1e6:
+                step = -self.r / scale
+                break
+            mu = max(10.0 * mu, 1e-6)
+        turning = self.problem.turning
+        turn = float(np.abs(step[turning]).max(initial=0.0))
+        shift = float(np.abs(step[~turning]).max(initial=0.0))
+        return step / max(1.0, shift / self.step_limit, turn / TURN_LIMIT)
+
+    def _scale(self):
+        """Mean stiffness of the translations, N/m; where there are spins, of each kind for its own unknowns (q,)."""
+        diagonal, turning = self._diagonal(), self.problem.turning
+        if not turning.any():
+            return max(self._least, float(diagonal.mean()))
+        scale = np.empty_like(diagonal)
+        for kind in (turning, ~turning):
+            scale[kind] = max(self._least, float(diagonal[kind].mean())) if kind.any() else 0.0
+        return scale
+
+    def _along(self, step):
+        """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.
+
+        The full step is tried with its tangent, because it is nearly always taken; None if no fraction will do.
+        """
+        slope = float(self.r @ step)
+        s = 1.0
+        for _ in range(MOST_CUTS):
+            trial = self.problem.residual_and_tangent(self.problem.moved(self.at, s * step))
+            slope_new = float(trial[0] @ step)
+            if np.isfinite(slope_new):
+                downhill = slope_new < 0.0  # the minimum along the step lies still ahead
+                halved = self.problem.norm(trial[0]) < 0.5 * self.norm
+                if downhill or abs(slope_new) <= 0.9 * abs(slope) or halved:
+                    return s, trial
+                s *= min(max(slope / (slope - slope_new), 0.1), 0.7)  # secant to r.d = 0
+            else:
+                s *= 0.1
+        return s, None

@@ -1,0 +1,119 @@
+"""Static equilibrium: Newton on the true residual; where that takes long, by way of softened lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from structural.assembly import Assembly, Prepared
+from structural.elements import ElementGroup
+from structural.model import Loads
+
+from .continuation import softened_stages
+from .newton import Newton
+from .rounding import rounding_force, stiffest
+
+# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `continuation`); each
+# stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
+STRAIGHT, SOFT_ITERATIONS, SOFT_RTOL = 200, 200, 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N met on the way (also
+    with softened lines), in how many directions the converged equilibrium is unstable under its loads (0: it is
+    stable), and the `rotations` (r,3,3) of the frames, None without any. The norm takes moments in N m beside forces in
+    N.
+    """
+
+    x: np.ndarray
+    status: str
+    iterations: int
+    residuals: tuple[float, ...]
+    unstable_modes: int = 0
+    rotations: np.ndarray | None = None
+
+    @property
+    def converged(self):
+        """Whether the residual met the tolerance."""
+        return self.status == "converged"
+
+    @property
+    def residual(self):
+        """Norm of the out-of-balance force over the free dofs, N."""
+        return self.residuals[-1]
+
+
+class StaticProblem:
+    """Balance of an assembly under prepared elements and loads; the unknowns stand at (q, rotations)."""
+
+    def __init__(self, assembly: Assembly, prepared: Prepared, groups: Sequence[ElementGroup]):
+        self._assembly, self._prepared = assembly, prepared
+        self.turning, self.diagonal, self.norm = assembly.unknowns.turning, assembly.diagonal, assembly.unknowns.norm
+        self.stiffest = stiffest(groups)
+
+    def residual_and_tangent(self, at):
+        """See Problem; the norm is that of the external forces."""
+        q, rotations = at
+        return self._assembly.residual_and_tangent(q, self._prepared, rotations)
+
+    def moved(self, at, step):
+        """See Problem."""
+        return self._assembly.moved(*at, step)
+
+
+def equilibrium(
+    assembly: Assembly,
+    loads: Loads,
+    x0: np.ndarray,
+    atol: float = 1e-6,
+    rtol: float = 0.0,
+    groups: Sequence[ElementGroup] | None = None,
+    rotations: np.ndarray | None = None,
+    max_iterations: int = 600,
+    step_limit: float = 1.0,
+) -> Equilibrium:
+    """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
+
+    Where the elements are so stiff that rounding of their lengths alone makes larger forces, that rounding is the
+    tolerance. `groups` replace those of the structure (rest lengths and sections may change), `x0` (n,3) m and
+    `rotations` (r,3,3) are what to start from. No step moves a node by more than `step_limit` m.
+
+    Whole Newton steps are all that a warm start needs, and what stiff members need that turn by a large angle;
+    otherwise steps are damped and shortened (see `newton.Newton`; quadratic convergence at the end also with
+    mechanisms). For tension-only members under dead loads that is a line search on a convex energy, and it needs no
+    energy, so follower loads may take part.
+
+    Stiff lines that turn far under light loads are a narrow curved valley, in which straight steps are short. So where
+    all this takes long, it begins anew with soft lines, which are stiffened by degrees.
+    """
+    groups = tuple(assembly.structure.groups if groups is None else groups)
+    reach = float(np.abs(assembly.structure.nodes).max(initial=0.0))
+    tolerance = max(atol, rounding_force(groups, reach))
+    at = assembly.unknowns.restrict(x0), assembly.start(rotations)
+
+    def begun(members, at, rtol):
+        problem = StaticProblem(assembly, assembly.prepare(loads, members), members)
+        return Newton(problem, at, tolerance, rtol, step_limit)
+
+    solve = direct = begun(groups, at, rtol)
+    solve.run(min(STRAIGHT, max_iterations))
+    slow = solve.iterations < max_iterations and solve.status in ("max_iterations", "stalled")
+    softened = softened_stages(groups, solve.external) if slow else []
+    if slow and not softened:
+        solve.run(max_iterations)
+    norms, iterations = list(solve.norms), solve.iterations
+    for members in (*softened, groups) if softened else ():
+        left = max(max_iterations - iterations, 0)
+        soft = members is not groups
+        solve = begun(members, at, max(rtol, SOFT_RTOL) if soft else rtol)
+        solve.run(min(SOFT_ITERATIONS, left) if soft else left)
+        norms += solve.norms
+        iterations += solve.iterations
+        at = solve.at
+    if solve.status != "converged" and solve.norm > direct.norm:  # softening has not helped
+        solve = direct
+        norms.append(solve.norm)
+    unstable = solve.negative_pivots() if solve.status == "converged" else 0
+    x = assembly.positions(*solve.at)
+    return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, solve.at[1])
