@@ -1,36 +1,93 @@
-"""Wind loads on lines: the inclined cylinder."""
+"""Lines in the wind: the drag of each, and the model of a flow around lines alone or beside a wing."""
+
+from functools import partial
 
 import numpy as np
 
-# Hoerner's cylinder with the coefficients of the ram-air thesis, section 2.3.3: drag across the line, for Reynolds
-# numbers of 1e3 to 1e5 (lines of millimetres in 10 to 50 m/s), and friction along it, both on the area d l.
-NORMAL_DRAG, FRICTION = 1.1, 0.02
-LAWS = ("inclined", "projected")
+from interface import Variable
+from interface.line_drag import FRICTION, LAWS, NORMAL_DRAG, line_drag
+
+from .added_mass import line_inertia
+from .complex_steps import STEP, moved
+from .model import AeroModel, Flow, Response
+
+__all__ = ["FRICTION", "LAWS", "NORMAL_DRAG", "LinesInWind", "line_loads", "line_loads_derivative"]
 
 
 def line_loads(ends, diameter, velocity, density=1.225, normal_drag=NORMAL_DRAG, friction=FRICTION, law="inclined"):
     """Load N/m (k,3) per length of straight lines between `ends` (k,2,3) m in air that passes with `velocity` m/s.
 
-    w = rho d / 2 (C_tau |v_n| v_n + C_f |v| v), v_n the part of v across the line. Along v and across it that is
-    C_D = C_tau sin^3 Theta + C_f and C_L = C_tau sin^2 Theta cos Theta (ram-air thesis eq. 2.11 and 2.12), without
-    an angle that would be undefined for lines along the wind.
-
-    `diameter` (k,) m; `velocity` (3,) or (k,3), of the air relative to each line; `density` kg/m^3. The `law`
-    "projected" is the PSM thesis' (eq. 4.7): w = rho d / 2 C_tau (1 - |cos Theta|) |v| v along the wind, without
-    friction (the area that a line shows is d sin Theta per length; 1 - |cos Theta| is less, by half at 53 degrees).
-    ValueError for another law.
+    `diameter` (k,) m; `velocity` (3,) or (k,3), of the air relative to each line; see `interface.line_drag`.
     """
-    if law not in LAWS:
-        raise ValueError(f"there is no law '{law}' for lines in the wind; there are: {', '.join(LAWS)}.")
-    d = ends[:, 1] - ends[:, 0]
-    length2 = np.einsum("kc,kc->k", d, d)
-    v = np.broadcast_to(velocity, d.shape)
-    along = np.einsum("kc,kc->k", v, d) / np.where(length2 > 0.0, length2, 1.0)
-    across = v - along[:, None] * d
-    speed_across, speed = (np.sqrt(np.einsum("kc,kc->k", a, a))[:, None] for a in (across, v))
-    if law == "projected":
-        cosine = along * np.sqrt(length2) / np.where(speed[:, 0] > 0.0, speed[:, 0], 1.0)
-        shown = 1.0 - np.where(cosine.real < 0.0, -cosine, cosine)  # numpy.abs has no complex steps
-        return (0.5 * density * normal_drag * np.asarray(diameter) * shown)[:, None] * speed * v
-    pressure_width = (0.5 * density * np.asarray(diameter))[:, None]
-    return pressure_width * (normal_drag * speed_across * across + friction * speed * v)
+    return line_drag(ends[:, 1] - ends[:, 0], velocity, diameter, density, normal_drag, friction, law)
+
+
+def line_loads_derivative(ends, direction, *air):
+    """Derivative N/m (k,3) of `line_loads` for ends (k,2,3) m moving along `direction` (k,2,3) m; `air` as there."""
+    stepped, size = moved(ends, direction)
+    return line_loads(stepped, *air).imag / STEP * size
+
+
+class LinesInWind(AeroModel):
+    """Drag of the `lines` (k,2) of an interface, of `diameter` (k,) m, in the wind minus their own velocity.
+
+    `law` see `interface.line_drag`; `normal_drag` and `friction` are the start values of its coefficients, `about` says
+    in words about which point moments are. Where the interface `moves`, the air around the lines can have inertia,
+    from the change of velocity over the step: the state is that velocity (k,3) m/s.
+    """
+
+    title = "the flow around lines alone"
+
+    def __init__(self, lines, diameter, law, normal_drag=NORMAL_DRAG, friction=FRICTION, about="origin", moves=False):
+        self._lines, self._diameter, self._law = lines, diameter, law
+        self.variables = tuple(self._declared(normal_drag, friction, about, moves))
+
+    def _declared(self, normal_drag, friction, about, moves):
+        tunable = partial(Variable, causality="parameter", variability="tunable", minimum=0.0, maximum=100.0)
+        text = "drag coefficient of lines across the flow, on diameter times length"
+        yield tunable("line_normal_drag", start=normal_drag, description=text)
+        text = "friction coefficient of lines along the flow, on diameter times length"
+        yield tunable("line_friction", start=friction, description=text)
+        if moves:
+            text = (
+                "added mass of the air around lines over the mass of the air they displace (1: a cylinder in potential "
+                "flow; 0: none), from the change of velocity over the step"
+            )
+            yield tunable("added_mass_coefficient", maximum=1e6, description=text)
+        output = partial(Variable, causality="output")
+        text = "wind load on each exposed line per current length"
+        yield output("line_load", (len(self._lines), 3), unit="N/m", description=text, counts="line")
+        yield output("line_force", (3,), unit="N", description="aerodynamic force on the exposed lines")
+        text = f"aerodynamic moment on the exposed lines about the {about}"
+        yield output("line_moment", (3,), unit="N.m", description=text)
+
+    def _air(self, flow, values, wind):
+        """What `line_loads` needs besides the ends of the lines."""
+        drag, friction = float(values["line_normal_drag"]), float(values["line_friction"])
+        return self._diameter, wind, flow.density, drag, friction, self._law
+
+    def remembers(self, values):
+        """See AeroModel: inertia does."""
+        return "added_mass_coefficient" in values and float(values["added_mass_coefficient"]) > 0.0
+
+    def solve(self, flow: Flow, values, state=None):
+        """See AeroModel."""
+        ends, wind, own = flow.nodes[self._lines], flow.wind, None
+        if flow.velocity is not None:
+            own = flow.velocity[self._lines].mean(axis=1)
+            wind = wind - own
+        load = line_loads(ends, *self._air(flow, values, wind))
+        if self.remembers(values) and flow.dt > 0.0 and state is not None:
+            coefficient = float(values["added_mass_coefficient"])
+            acceleration = (own - state) / flow.dt
+            load = load - line_inertia(ends, self._diameter, acceleration, flow.density, coefficient)
+        force = load * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[:, None]
+        total = force.sum(axis=0)
+        moment = np.cross(ends.mean(axis=1) - flow.about, force).sum(axis=0)
+        outputs = {"line_load": load, "line_force": total, "line_moment": moment}
+        return Response(outputs, total, moment, own)
+
+    def derivative(self, flow: Flow, values, state):
+        """See AeroModel: exact to rounding, for lines at rest."""
+        ends, air = flow.nodes[self._lines], self._air(flow, values, flow.wind)
+        return lambda change: {"line_load": line_loads_derivative(ends, change[self._lines], *air)}

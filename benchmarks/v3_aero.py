@@ -46,7 +46,7 @@ class Kite:
         settings = published("v3_kite", {"chord": "design", "panels_per_section": per_bay})
         scene = scenes.load("v3_kite", settings)
         self.nodes = scene.interface.nodes
-        self.wing = scene.aero_core()._wing
+        self.wing = scene.wing_model.wing
         corners = self.nodes[scene.interface.panels]
         area = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         self.strip_area = np.abs(area[:, 2]).sum()

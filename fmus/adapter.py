@@ -30,7 +30,7 @@ from fmus.sharing import end_cleanly, share_modules
 from interface import StepFailed, Variable
 
 SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
-STATE = b"kitecosim state 1\n"  # what a serialised state begins with; its SHA-256 and a pickle follow
+STATE = b"kitecosim state 2\n"  # what a serialised state begins with; its SHA-256 and a pickle follow
 
 # The states of FMI 2.0 (section 4.2.4), and what each call is allowed in.
 INSTANTIATED, INITIALISING, STEPPING, TERMINATED = "instantiated", "initialising", "stepping", "terminated"
@@ -44,6 +44,7 @@ class Core(Protocol):
     def set(self, block: str, values: Any) -> None: ...
     def step(self, t: float, dt: float) -> None: ...
     def get(self, block: str) -> np.ndarray: ...
+    def look(self) -> None: ...
     def save(self) -> object: ...
     def restore(self, state: Any) -> None: ...
 
@@ -79,6 +80,7 @@ class CoreFmu(ValueSlave):
         self._time = 0.0
         self._fetch(self.blocks)
         if self.resources is not None:
+            share_modules(Path(self.resources))  # again, for packages inside packages that were loaded since
             end_cleanly(Path(self.resources))
 
     @staticmethod
@@ -176,9 +178,9 @@ class CoreFmu(ValueSlave):
     def _settle(self) -> None:
         """Outputs, and inputs that were not set, that reflect the start values set so far."""
         self._unsettled = False
-        for reflect in (self._push, self._fetch):
+        for reflect in (lambda: self._push(self.blocks), self._core.look, lambda: self._fetch(self.blocks)):
             try:
-                reflect(self.blocks)
+                reflect()
             except BaseException as error:
                 self._refused = self._say(error, Fmi2Status.error)
 

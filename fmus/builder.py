@@ -77,7 +77,7 @@ def build(
         instance = slave(cores[side], instance_name=name)
         instance.description = f"{slave.title} of the scene {scene.name}"
         files = _scene_files(scene, side, instance, own, name, tables.get(side), fmi)
-        contents[name] = archive(name, instance, files, fmi)
+        contents[name] = archive(name, instance, files, fmi, _unused(scene))
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
     return tuple(written(out / f"{name}.fmu", content) for name, content in contents.items())
@@ -125,14 +125,24 @@ def _identifier(name: str) -> str:
     return f"_{identifier}" if identifier[:1].isdigit() else identifier
 
 
-def archive(name: str, instance: CoreFmu, files: dict[str, bytes], fmi: int = 2) -> bytes:
+def _unused(scene: Scene) -> tuple[str, ...]:
+    """Beginnings of the paths of modules that the FMUs of a scene never load."""
+    motion = "structural/dynamics/", "scenes/cores/transient"
+    return ("scenes/cores/statics",) if scene.moves else motion
+
+
+def archive(
+    name: str, instance: CoreFmu, files: dict[str, bytes], fmi: int = 2, without: tuple[str, ...] = ()
+) -> bytes:
     """A complete FMU that makes instances of the class of `instance`, whose start values go into its description.
 
-    `files` (path -> content) are added to the project's packages, PythonFMU, binaries and licences. ValueError in one
-    sentence for FMI 3 where the binary of this project was not compiled.
+    `files` (path -> content) are added to the project's packages, PythonFMU, binaries and licences; modules whose path
+    begins with one of `without` are left out. ValueError in one sentence for FMI 3 where the binary of this project was
+    not compiled.
     """
     instance.modelName = identifier = _identifier(name)
-    files = files | {f"resources/{path}": content for path, content in _package_sources().items()}
+    carried = {path: content for path, content in _package_sources().items() if not path.startswith(without)}
+    files = files | {f"resources/{path}": content for path, content in carried.items()}
     script = _script(type(instance))
     stem = script.rpartition("/")[2].removesuffix(".py")
     files[f"resources/{stem}.py"] = files.get(f"resources/{script}") or Path(script).read_bytes()

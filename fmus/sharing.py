@@ -29,8 +29,16 @@ def share_modules(resources: Path) -> None:
         name = package.__name__
         found = (finder.find_spec(name, None) for finder in sys.meta_path if hasattr(finder, "find_spec"))
         installed = next((spec.submodule_search_locations or [] for spec in found if spec), [])
-        places = dict.fromkeys([*package.__path__, str(resources / name), *installed])
-        package.__path__ = [place for place in places if Path(place).is_dir()]
+        package.__path__ = _present([*package.__path__, str(resources / name), *installed])
+        for inner, module in list(sys.modules.items()):  # those inside it that are loaded already
+            if inner.startswith(f"{name}.") and hasattr(module, "__path__"):
+                below = inner.removeprefix(f"{name}.").split(".")
+                module.__path__ = _present([*module.__path__, *(str(Path(p, *below)) for p in package.__path__)])
+
+
+def _present(places: list[str]) -> list[str]:
+    """Those of the places that are folders, each once."""
+    return [place for place in dict.fromkeys(places) if Path(place).is_dir()]
 
 
 def end_cleanly(resources: Path) -> None:

@@ -5,6 +5,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 
+def station_panels(sections):
+    """Node indices (k n, 4) of the panels between n + 1 `sections` of k + 1 stations each, leading to trailing edge.
+
+    The foremost panels of all strips come first, then the next ones, with the corners (fore, aft) of the strip's first
+    section, then (aft, fore) of its second, so that area vectors point to suction.
+    """
+    first, second = sections[:-1], sections[1:]
+    rows = range(sections.shape[1] - 1)
+    corners = [[first[:, c], first[:, c + 1], second[:, c + 1], second[:, c]] for c in rows]
+    return np.concatenate([np.stack(four, axis=1) for four in corners])
+
+
 @dataclass(frozen=True, eq=False)
 class SurfaceMesh:
     """One surface mesh for both solvers.

@@ -11,7 +11,7 @@ class Variable:
     """A named block of values of one solver core, as it appears in an FMU and in-process.
 
     `shape` is () for a scalar. `start` has that shape or is a scalar that fills it. Units are SI ("1" for none).
-    `labels`, where given, name what the first index counts, one each.
+    `counts` says what the first index counts ("panel", "strip", ...), `labels`, where given, name these, one each.
     """
 
     name: str
@@ -25,6 +25,7 @@ class Variable:
     minimum: float | None = None
     maximum: float | None = None
     labels: tuple[str, ...] = ()
+    counts: str = ""
 
     @property
     def size(self) -> int:

@@ -81,7 +81,7 @@ def run_scene(
             options["search"], remarks = restart.resumed(files.restart, coupling, used, about, assigned)
             remarks += [f"as in the checkpoint: {', '.join(kept)}"] if kept else []
         keeper = restart.Keeper(files.checkpoint, files.every, coupling, used, about)
-        run = coupled_run(coupling, used, choices["stability"], shown, hold=keeper, **options)
+        run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=keeper, **options)
         if run.status in ("converged", "statically_unstable"):
             keeper.end(run.result)
     run.remarks.extend(remarks + _hints(scene, given, run))
@@ -122,11 +122,7 @@ def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
     lost = lost and bool(run.blocks["structural"]["symmetric"])
     if run.status == "converged" and not lost:
         return []
-    core = scene.structural_core()
-    for parameter in core.variables:
-        if parameter.name in given:
-            core.set(parameter.name, given[parameter.name])
-    misfits, asymmetry = core.hints()
+    misfits, asymmetry = scene.hints(given)
     out = [f"not symmetric: {asymmetry}"] if lost and asymmetry else []
     if misfits and run.status not in ("converged", "statically_unstable"):
         more = f" and {len(misfits) - 6} more" if len(misfits) > 6 else ""

@@ -35,11 +35,13 @@ def coupled_run(
     scheme: Scheme,
     stability: bool = True,
     progress: Callable[[int, float], Any] | None = None,
+    remark: Callable[[dict[str, np.ndarray]], list[str]] | None = None,
     **options: Any,
 ) -> Run:
     """Solve and judge. The status is that of the solve, or "statically_unstable" for a converged unstable equilibrium.
 
-    `options` go to `master.coupling.solve`. RuntimeError with the reason if a solver has ended for good on the way.
+    `remark` says what is worth a line in the blocks of the flow at the end; `options` go to `master.coupling.solve`.
+    RuntimeError with the reason if a solver has ended for good on the way.
     """
     result = solve(coupling, scheme, progress=progress, **options)
     judged = None
@@ -59,7 +61,8 @@ def coupled_run(
             raise RuntimeError(message) from error
         causality[label] = dict(participant.causality)
     told = "recovered" if result.status == "converged" else "tried to recover"
-    remarks = _remarks(blocks) + _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
+    remarks = _remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
+    remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
     return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
 
 
@@ -69,19 +72,6 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
         wanted, used = blocks[label].get("symmetric"), blocks[label].get("symmetry_used")
         if wanted is not None and used is not None and bool(wanted) and not bool(used):
             remarks.append(f"symmetry was asked for but turned off in the {label} solver: its input is not symmetric")
-    beyond = int(blocks["aero"].get("strips_beyond_polar", 0))
-    if beyond:
-        alpha = np.rad2deg(blocks["aero"]["alpha"])
-        remarks.append(
-            f"{beyond} strips are beyond their polar tables, where end values are held: their effective angles of "
-            f"attack go from {alpha.min():.1f} to {alpha.max():.1f} deg"
-        )
-    stalled = int(blocks["aero"].get("stalled_strips", 0))
-    if stalled:
-        remarks.append(f"{stalled} of {len(blocks['aero']['alpha'])} strips are stalled: past their largest lift")
-    viscosity = float(blocks["aero"].get("stall_viscosity", 0.0))
-    if viscosity:
-        remarks.append(f"beyond stall: the circulation contains artificial viscosity ({viscosity:g})")
     return remarks
 
 

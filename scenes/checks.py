@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from interface.mirror import MIRROR, canonical_chains, mirror_permutation, mirror_rows
+from interface.mirror import MIRROR, mirror_permutation, mirror_rows
 
 MISFIT = 0.05  # part of the rest length
 TOGETHER = 1e-6  # m, as for mirror images
@@ -18,7 +18,7 @@ def misfits(nodes, chains):
     return found
 
 
-def asymmetry(members, chains):
+def asymmetry(members, groups):
     """The first thing that keeps a structure from being its own mirror image in y = 0, as text; empty if nothing."""
     nodes, labels = members.nodes, members.labels
     image = mirror_permutation(nodes)
@@ -36,26 +36,17 @@ def asymmetry(members, chains):
     odd = np.flatnonzero(np.any(members.fixed != members.fixed[image], axis=1))
     if len(odd):
         return f"nodes {labels[odd[0]]} and {labels[image[odd[0]]]} are not held alike"
-    for group in chains:
-        rows = mirror_rows(group.nodes, image, canonical_chains)
+    for group in groups:
+        rows = mirror_rows(group.nodes, image, group.canonical)
         if np.any(rows < 0):
-            return f"element {group.names[int(np.argmin(rows))]} has no mirror image"
-        for what, values in (("rest length", group.l0), ("stiffness", group.k), ("two-way", group.two_way)):
+            return f"element {group.label(int(np.argmin(rows)))} has no mirror image"
+        for what, values in group.properties().items():
             odd = np.flatnonzero(values != values[rows])
             if len(odd):
                 e, i = odd[0], rows[odd[0]]
-                return f"{what} of {group.names[e]} is {values[e]:.12g}, of {group.names[i]} {values[i]:.12g}"
+                return f"{what} of {group.label(e)} is {values[e]:.12g}, of {group.label(i)} {values[i]:.12g}"
     odd = np.flatnonzero(np.abs(members.mass - members.mass[image]) > 1e-9 * members.mass.max(initial=0.0))
     if len(odd):
         a, b = odd[0], image[odd[0]]
         return f"mass at node {labels[a]} is {members.mass[a]:.6g} kg, at node {labels[b]} {members.mass[b]:.6g} kg"
     return ""
-
-
-def symmetric_chains(chains, mirror):
-    """Whether every element has a mirror image with the same rest length, stiffness and sense."""
-    for group in chains:
-        rows = mirror_rows(group.nodes, mirror, canonical_chains)
-        if np.any(rows < 0) or any(np.any(a != a[rows]) for a in (group.l0, group.k, group.two_way)):
-            return False
-    return True

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from aero.line_drag import FRICTION, NORMAL_DRAG
+from interface.line_drag import FRICTION, NORMAL_DRAG
 
 from .scene_settings import INTEGRATION, options, setting, variant
 from .tables import SceneError

@@ -1,34 +1,30 @@
 """The interface mesh between structure and flow, and the linear map that hangs it on the structural nodes."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
-from aero import SurfaceGrid
+from interface import SurfaceMesh
+from interface.mesh import station_panels
 
 CHORD_FRACTIONS = np.array([0.0, 0.5, 1.0])
 ROUNDING = 1e-12  # of weights of order one
 
 
 @dataclass(frozen=True, eq=False)
-class Interface:
-    """One surface mesh for both solvers.
+class Interface(SurfaceMesh):
+    """The surface mesh of a scene, hung on its structure: nodes = `weights` (n, m) @ the m structural nodes, exactly.
 
-    `nodes` (n,3) m in the reference configuration, `sections` (s+1, k+1) their indices section by section at the
-    `fractions` (k+1,) of the chord, `panels` (k s, 4), `span` (s+1,) position of each section on the design wing (arc
-    length fraction of the leading edge), `weights` (n, structural nodes): nodes = weights @ structural nodes exactly.
-    `lines` (k, 2) are the legs of the lines that stand in the wind, as interface nodes, of `diameter` (k,) m.
+    Where its panels are strips of a wing, `sections` (s+1, k+1) are node indices section by section at the `fractions`
+    (k+1,) of the chord, `panels` (k s, 4) as `station_panels` has them, and `span` (s+1,) is the position of each
+    section on the design wing (arc length fraction of the leading edge).
     """
 
-    nodes: np.ndarray
+    weights: sp.csr_array
     sections: np.ndarray
     fractions: np.ndarray
-    panels: np.ndarray
     span: np.ndarray
-    weights: sp.csr_array
-    lines: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
-    diameter: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def arc_fraction(points):
@@ -86,15 +82,15 @@ def grid_interface(nodes, grid):
     weights = sp.csr_array((np.ones(len(flat)), (np.arange(len(flat)), flat)), shape=(len(flat), len(nodes)))
     sections = np.arange(len(flat)).reshape(grid.shape)
     fractions = np.linspace(0.0, 1.0, grid.shape[1])
-    panels = SurfaceGrid(sections, fractions).panels
-    return Interface(nodes[flat], sections, fractions, panels, arc_fraction(nodes[grid[:, 0]]), weights)
+    panels = station_panels(sections)
+    return Interface(nodes[flat], panels, weights, sections, fractions, arc_fraction(nodes[grid[:, 0]]))
 
 
 def lines_interface(nodes):
     """The interface of a structure (n,3) m without a wing, to which `with_lines` adds all that it has."""
     none = np.zeros((0, 3))
     sections, panels = np.zeros((0, 3), dtype=int), np.zeros((0, 4), dtype=int)
-    return Interface(none, sections, CHORD_FRACTIONS, panels, np.zeros(0), sp.csr_array((0, len(nodes))))
+    return Interface(none, panels, sp.csr_array((0, len(nodes))), sections, CHORD_FRACTIONS, np.zeros(0))
 
 
 def with_lines(interface, nodes, legs, diameter):
@@ -119,17 +115,10 @@ def with_lines(interface, nodes, legs, diameter):
     )
 
 
-def rotated(points, angle, about):
-    """Points (n,3) turned nose-up by `angle` rad about the y axis through `about` (3,)."""
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    return about + (points - about) @ turn.T
-
-
 def _interface(nodes, weights, span):
     sections = np.arange(len(nodes)).reshape(-1, 3)
-    panels = SurfaceGrid(sections, CHORD_FRACTIONS).panels
-    return Interface(nodes, sections, CHORD_FRACTIONS, panels, span, sp.csr_array(weights))
+    panels = station_panels(sections)
+    return Interface(nodes, panels, sp.csr_array(weights), sections, CHORD_FRACTIONS, span)
 
 
 def _bilinear(node_count, struts, bay, xi, eta):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aero import StripPolars
+from aero import LinesInWind
 
 from .description import read_description
 from .interface import (
@@ -106,13 +106,15 @@ class Scene:
 
     def structural_core(self):
         """The structural solver core of this scene."""
+        from .cores import Core
+
         if self.moves:
-            from .moving_core import MovingCore
+            from .cores.transient import Transient
 
-            return MovingCore(self)
-        from .structural_core import StructuralCore
+            return Core(Transient(self))
+        from .cores.statics import Statics
 
-        return StructuralCore(self)
+        return Core(Statics(self))
 
     @property
     def has_flow(self) -> bool:
@@ -127,18 +129,52 @@ class Scene:
         """The aerodynamic solver core of this scene."""
         if not self.has_flow:
             raise SceneError(f"scene '{self.name}' has no flow: its scene.toml has no [aero].")
-        if self.content["wing"] is None:
-            from .flow import LineFlowCore
+        from .cores import Core
+        from .cores.flow import FlowSolver
 
-            if not len(self.interface.lines):
-                raise SceneError(
-                    f"{self.name}/scene.toml: [aero] without [wing] is wind on lines, and none stands in it; let the "
-                    'setting line_drag be "on" and give [structure] lines, or drop [aero].'
-                )
-            return LineFlowCore(self)
-        from .aero_core import AeroCore
+        if self.wing_model is None and self.lines_model is None:
+            raise SceneError(
+                f"{self.name}/scene.toml: [aero] without [wing] is wind on lines, and none stands in it; let the "
+                'setting line_drag be "on" and give [structure] lines, or drop [aero].'
+            )
+        return Core(FlowSolver(self, self.wing_model, self.lines_model))
 
-        return AeroCore(self)
+    @cached_property
+    def wing_model(self):
+        """The model of the flow around the wing, None where the scene has no wing in a flow."""
+        if not self.has_flow or self.content["wing"] is None:
+            return None
+        from .cores.wing import wing_model
+
+        return wing_model(self)
+
+    def remarks(self, outputs: dict[str, np.ndarray]) -> list[str]:
+        """What the models of the flow have to say of their outputs."""
+        models = [m for m in (self.wing_model, self.lines_model) if m is not None]
+        return [remark for model in models for remark in model.remarks(outputs)]
+
+    @cached_property
+    def lines_model(self):
+        """The model of the drag of its exposed lines, None without any."""
+        if not self.has_flow or not len(self.interface.lines):
+            return None
+        content, law = self.content["aero"], self.settings.get("line_area", "inclined")
+        about = "origin" if self.pivot is None else "pivot"
+        air = content["line_normal_drag"], content["line_friction"], about, self.moves
+        return LinesInWind(self.interface.lines, self.interface.diameter, law, *air)
+
+    def hints(self, parameters: dict[str, Any] | None = None) -> tuple[list[str], str]:
+        """What looks odd in the structure with these parameters: elements far off their rest length in the design
+        shape, and the first thing that breaks its symmetry ("" if nothing does).
+        """
+        from .checks import asymmetry, misfits
+
+        core, given = self.structural_core(), parameters or {}
+        for parameter in given.keys() & set(core.names):
+            core.set(parameter, given[parameter])
+        values = {block: core.get(block) for block in core.names}
+        model = core.solver.model
+        return misfits(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
 
     def section_polars(self):
         """Angles (k,) rad, tables cl, cd, cm (sections, k), and span positions (sections,) of the design sections."""
@@ -177,8 +213,10 @@ class Scene:
         span = arc_fraction(self._design()[0])
         return np.deg2rad(grid), stacked[:, 0], stacked[:, 1], stacked[:, 2], span
 
-    def strip_polars(self) -> StripPolars:
-        """The polars of the lifting-line strips between the sections of the interface."""
+    def strip_polars(self):
+        """The polars (`StripPolars`) of the lifting-line strips between the sections of the interface."""
+        from aero.vortex_step.polars import StripPolars
+
         alpha, cl, cd, cm, sections = self.section_polars()
         span = self.interface.span
         return StripPolars.from_tables(alpha, cl, cd, cm, sections, 0.5 * (span[1:] + span[:-1]))
@@ -190,7 +228,7 @@ class Scene:
         """
         if self.content["trim"] is None:
             return 0.0
-        from .trim import trim_angle
+        from .cores.trim import trim_angle
 
         return trim_angle(self, parameters or {})
 

@@ -154,13 +154,14 @@ def _structure(scene: Scene) -> str:
 
 
 def _flow(scene: Scene) -> str:
-    content, mesh = scene.content["aero"], scene.interface
+    mesh = scene.interface
     moving = texts.MOVING_FLOW if scene.moves else ""
-    if scene.content["wing"] is None:
+    model = scene.wing_model
+    if model is None:
         return texts.LINE_FLOW.format(lines=len(mesh.lines), moving=moving)
-    method = "the vortex-step method (a lifting line)" if content["induction"] else "strip theory"
+    strips = "" if model.strips is None else texts.ON_STRIPS.format(strips=len(model.strips.sections) - 1)
     lines = f"; and of {len(mesh.lines)} exposed pieces of lines" if len(mesh.lines) else ""
-    return texts.FLOW.format(method=method, strips=len(mesh.sections) - 1, lines=lines, moving=moving)
+    return texts.FLOW.format(method=model.title, strips=strips, lines=lines, moving=moving)
 
 
 def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
@@ -175,45 +176,47 @@ def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
         text += texts.TRIM.format(value=instance.start("trim_angle")[0], pivot=pivot, place=place)
     counted = texts.COUNTED if fmi == 2 else texts.COUNTED_IN_ARRAYS
     text += texts.SIGNS.format(shear=texts.SHEAR if "shear" in blocks else "", counted=counted)
-    return text + "".join(_table(*table) for table in _tables(blocks, scene))
+    return text + "".join(_table(*table) for table in _tables(instance, scene))
 
 
-def _tables(blocks: Iterable[str], scene: Scene) -> Iterable[tuple[str, str, Rows]]:
+def _tables(instance: CoreFmu, scene: Scene) -> Iterable[tuple[str, str, Rows]]:
     """Title, header and rows of the tables; what no block of the FMU is indexed by is left out."""
-    mesh, members = scene.interface, scene.members
-    both = " and velocity[i,·]" if "velocity" in blocks else ""
-    yield f"Interface nodes: index i of displacement[i,·]{both}", "i x y z", _numbered(mesh.nodes)
-    panels = "Panels: index i of " + " and ".join(
-        f"{b}[i{k}]" for b, k in (("pressure", ""), ("shear", ",·")) if b in blocks
-    )
-    if len(mesh.panels):
-        yield f"{panels}; their corners are interface nodes", "i c1 c2 c3 c4", _numbered(mesh.panels + 1)
-    if len(mesh.lines):
-        lines = zip(mesh.lines + 1, mesh.diameter, members.leg_names, strict=True)
-        title = "Exposed lines: index i of line_load[i,·]; from interface node to interface node"
-        yield title, "i from to diameter element", _numbered([*ends, diameter, name] for ends, diameter, name in lines)
-    if "alpha" in blocks:
-        strips, rows = (n - 1 for n in mesh.sections.shape)
-        title = "Strips: index i of alpha[i] and circulation[i], left tip first; their panels from front to rear"
-        heads = "front rear" if rows == 2 else " ".join(f"panel_{k + 1}" for k in range(rows))
-        yield title, f"i {heads}", _numbered([i + k * strips for k in range(rows)] for i in range(1, strips + 1))
-    if "tension" in blocks:
-        chains = [nodes for group in members.chains for nodes in group.nodes]
-        paths = (" – ".join(members.labels[n] for n in chain) for chain in chains)
-        two_way = np.concatenate([group.two_way for group in members.chains])
-        kinds = np.where(two_way, "spring", "tension only")
-        indexed = " and ".join(f"{b}[i]" for b in ("tension", "strain") if b in blocks)
-        title = f"Elements: index i of {indexed}; with their structural nodes, by name"
-        yield title, "i name kind nodes", _numbered(zip(members.names, kinds, paths, strict=True))
-    if members.wing is not None and "tube_load" in blocks:
-        tubes = members.wing.tubes
-        ends = (" – ".join(members.labels[n] for n in pair) for pair in tubes.ends)
-        title = "Parts of tubes: index i of tube_load[i] and tube_strain[i]; with their structural nodes, by name"
-        yield title, "i name diameter nodes", _numbered(zip(tubes.names, 2.0 * tubes.radius, ends, strict=True))
-    if "position" in blocks:
-        nodes = zip(members.labels, members.nodes, strict=True)
-        title = "Structural nodes: index i of position[i,·]"
-        yield title, "i name x y z", _numbered([label, *place] for label, place in nodes)
+    counted: dict[str, list[str]] = {}
+    for variable, _ in instance.blocks.values():
+        if variable.counts and variable.causality != "parameter":
+            counted.setdefault(variable.counts, []).append(f"{variable.name}[i{',·' if variable.shape[1:] else ''}]")
+    for kind, title, header, rows in _countable(scene):
+        if kind in counted and rows:
+            *first, last = counted[kind]
+            indexed = f"{', '.join(first)} and {last}" if first else last
+            yield title.format(indexed=indexed), f"i {header}", _numbered(rows)
+
+
+def _countable(scene: Scene) -> Iterable[tuple[str, str, str, Sequence[Any]]]:
+    """What an index may count: the word for it (`Variable.counts`), title, header and rows of its table."""
+    mesh, m = scene.interface, scene.members
+    yield "interface node", "Interface nodes: index i of {indexed}", "x y z", [*mesh.nodes]
+    title = "Panels: index i of {indexed}; their corners are interface nodes"
+    yield "panel", title, "c1 c2 c3 c4", [*(mesh.panels + 1)]
+    legs = zip(mesh.lines + 1, mesh.diameter, m.leg_names, strict=False)
+    title = "Exposed lines: index i of {indexed}; from interface node to interface node"
+    yield "line", title, "from to diameter element", [(*ends, diameter, name) for ends, diameter, name in legs]
+    for model in (scene.wing_model, scene.lines_model):
+        for kind, header, rows in () if model is None else model.tables():
+            yield kind, texts.OF_MODEL.get(kind, f"{kind.capitalize()}s: index i of {{indexed}}"), header, rows
+    chains = [nodes for group in m.chains for nodes in group.nodes]
+    paths = [" – ".join(m.labels[n] for n in chain) for chain in chains]
+    two_way = np.concatenate([group.two_way for group in m.chains])
+    kinds = np.where(two_way, "spring", "tension only")
+    title = "Elements: index i of {indexed}; with their structural nodes, by name"
+    yield "element", title, "name kind nodes", [*zip(m.names, kinds, paths, strict=True)]
+    if m.wing is not None:
+        tubes = m.wing.tubes
+        ends = (" – ".join(m.labels[n] for n in pair) for pair in tubes.ends)
+        title = "Parts of tubes: index i of {indexed}; with their structural nodes, by name"
+        yield "tube", title, "name diameter nodes", [*zip(tubes.names, 2.0 * tubes.radius, ends, strict=True)]
+    nodes = [(label, *place) for label, place in zip(m.labels, m.nodes, strict=True)]
+    yield "structural node", "Structural nodes: index i of {indexed}", "name x y z", nodes
 
 
 def _numbered(rows: Iterable[Iterable[Any]]) -> Rows:

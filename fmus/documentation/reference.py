@@ -38,6 +38,7 @@ def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, t
     dt = scene.communication_step
     if flow is not None:  # its first inputs are set while it is initialised
         _shown(structure, flow)
+        flow.look()
     inputs: dict[str, list[list[Any]]] = {side: [] for side in cores}
     results = {side: [_row(core, 0.0, _results(core))] for side, core in cores.items()}
     try:

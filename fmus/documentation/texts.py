@@ -85,9 +85,11 @@ MOVING_STRUCTURE = """This FMU is its structure: {counts}, with masses on the no
 step integrates the motion over the communication step under the loads on the interface{weight}; {lines}pressure
 follows the deformed surface. While <code>loads_vary</code> is true loads go linearly from those of the step before to
 the present ones, as suits masters that iterate; for those that step once, the explicit scheme, set it to false."""
-FLOW = """This FMU is the flow around it: {method} with section polars, in a uniform wind, on {strips} strips of the
-displaced wing{lines}. Each step finds the circulation, and from it the loads on every panel. The flow is
-steady{moving}."""
+FLOW = """This FMU is the flow around it: {method}, in a uniform wind{strips}{lines}. Each step finds the loads on every
+panel. The flow is steady{moving}."""
+ON_STRIPS = """, on {strips} strips of the displaced wing"""
+# Titles of tables of what models of the flow count by themselves.
+OF_MODEL = {"strip": "Strips: index i of {indexed}, left tip first; their panels from front to rear"}
 LINE_FLOW = """This FMU is the wind on {lines} exposed pieces of lines{moving}."""
 MOVING_FLOW = """, in the wind relative to each part, at the end of the step"""
 

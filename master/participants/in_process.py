@@ -18,7 +18,8 @@ class InProcessParticipant(Blocks):
     def __init__(self, core: Any, parameters: Mapping[str, Any] | None = None, name: str = "Solver") -> None:
         self.name = name
         self._core = core
-        self.offers_derivatives = hasattr(core, "directional_derivative")
+        self.offers_derivatives = getattr(core, "offers_derivatives", hasattr(core, "directional_derivative"))
+        self._look = getattr(core, "look", None)
         self.blocks = {v.name: tuple(v.shape) for v in core.variables}
         self.limits = {v.name: Limits(v.causality, v.variability, v.minimum, v.maximum) for v in core.variables}
         for block, value in (parameters or {}).items():
@@ -38,6 +39,8 @@ class InProcessParticipant(Blocks):
     def get(self, block: str) -> np.ndarray:
         """See Participant."""
         self.shape(block)
+        if self._look is not None and self.limits[block].causality == "output":
+            self._look()  # outputs before the first step, as an FMU has them after its initialisation
         return np.array(self._core.get(block), dtype=float)
 
     def directional_derivative(self, changes: Mapping[str, Any]) -> dict[str, np.ndarray]:

@@ -191,13 +191,10 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
 
 def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips | None:
     """The strips of a lifting line: panels i, i + strips, ... belong to strip i."""
-    sections = getattr(scene.interface, "sections", None)
-    if sections is None or not {"alpha", "wind_direction"} <= aero.keys():
+    layout = None if scene.wing_model is None else scene.wing_model.strips
+    if layout is None or not np.all(np.isfinite(surface.position)):
         return None
-    n = len(sections) - 1
-    whole = n and len(surface.pressure) % n == 0 and np.all(np.isfinite(surface.position))
-    if aero["alpha"].shape != (n,) or not whole:
-        return None
+    sections, n, angle = layout.sections, len(layout.sections) - 1, aero[layout.angle]
     edge = surface.position[sections]
     quarter = edge[:, 0] + 0.25 * (edge[:, -1] - edge[:, 0])
     width = np.linalg.norm(np.diff(quarter, axis=0), axis=1)
@@ -208,14 +205,14 @@ def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips
     panel = surface.panel_forces.reshape(-1, n, 3).sum(axis=0)
     lift, side, drag = (panel / width[:, None] @ np.array([up, np.cross(up, along), along]).T).T
     coefficients = angles = curves = None
-    if scene.content["wing"].get("polars") and hasattr(scene, "strip_polars"):
-        polars = scene.strip_polars()
-        coefficients = polars.all(aero["alpha"])
+    if layout.polars is not None:
+        polars = layout.polars
+        coefficients = polars.all(angle)
         # 15 deg to either side: what a gust or a turn may reach, and wide enough to show how far stall is
-        low = max(polars.alpha[0], aero["alpha"].min() - np.deg2rad(15.0))
-        high = min(polars.alpha[-1], aero["alpha"].max() + np.deg2rad(15.0))
+        low = max(polars.alpha[0], angle.min() - np.deg2rad(15.0))
+        high = min(polars.alpha[-1], angle.max() + np.deg2rad(15.0))
         grid = np.linspace(min(low, high), max(low, high), 121)
         curves = np.stack([polars.all(np.full(n, a)) for a in grid], axis=-1)
         angles = np.rad2deg(grid)
-    alpha = np.rad2deg(aero["alpha"])
-    return Strips(arc, width, lift, side, drag, alpha, aero.get("circulation"), coefficients, angles, curves)
+    circulation = None if layout.circulation is None else aero[layout.circulation]
+    return Strips(arc, width, lift, side, drag, np.rad2deg(angle), circulation, coefficients, angles, curves)

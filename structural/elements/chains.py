@@ -42,8 +42,9 @@ class Chains(ElementGroup):
     def __post_init__(self):
         if self.c is not None and np.any(self.c < 0.0):
             worst = int(np.argmin(self.c))
-            name = self.names[worst] if self.names else f"number {worst}"
-            raise ValueError(f"the damping of element {name} is {self.c[worst]:g} N s/m; it must not be negative.")
+            raise ValueError(
+                f"the damping of element {self.label(worst)} is {self.c[worst]:g} N s/m; it must not be negative."
+            )
 
     def properties(self):
         """See ElementGroup."""

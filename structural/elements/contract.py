@@ -37,6 +37,10 @@ class ElementGroup:
     def __len__(self):
         return len(self.nodes)
 
+    def label(self, row):
+        """What a message calls an element."""
+        return self.names[row] if self.names else f"number {row + 1} of {type(self).__name__}"
+
     def select(self, rows):
         """The chosen elements: `rows` of every array, of names, and of attributes that can `select` themselves."""
 

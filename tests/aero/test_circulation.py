@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from aero.circulation import ACCEPTED, SectionFlow, attached_start, solve
-from aero.influence import control_influence
-from aero.strips import strips_between
+from aero.vortex_step.circulation import ACCEPTED, SectionFlow, attached_start, solve
+from aero.vortex_step.influence import control_influence
+from aero.vortex_step.strips import strips_between
 from tests.aero.wings import arched_nodes, linear_wing, stalling_wing, wind
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aero import StripPolars
+from aero.vortex_step import StripPolars
 from tests.aero.wings import stalling_tables
 
 ALPHA, CL, CD, CM = stalling_tables(4)

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aero import WingSensitivity, line_loads, line_loads_derivative
-from aero.circulation import solve
+from aero import line_loads, line_loads_derivative
+from aero.vortex_step import WingSensitivity
+from aero.vortex_step.circulation import solve
 from tests.aero.wings import arched_nodes, linear_wing, stalling_wing, wind
 
 FLIP = np.array([1.0, -1.0, 1.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from aero.surface_loads import panel_geometry
+from aero.vortex_step.surface_loads import panel_geometry
 from tests.aero.wings import arched_nodes, grid, panel_corner_forces, stalling_wing, wind
 
 CHOICES = [{"follow": False}, {"follow": True}, {"section_force": "normal"}]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aero.strips import control_fractions, strips_between
+from aero.vortex_step.strips import control_fractions, strips_between
 from tests.aero.wings import arched_nodes, linear_wing, nodes_of, rotation, stalling_wing, wind
 
 AXES = {"y": [0.0, 1.0, 0.0], "x": [1.0, 0.0, 0.0], "skew": [0.3, -0.8, 0.5]}

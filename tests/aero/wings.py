@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from aero import StripPolars, SurfaceGrid, VortexStep
+from aero.vortex_step import StripPolars, SurfaceGrid, VortexStep
 
 
 def grid(strips, rows=2):

@@ -109,6 +109,7 @@ def test_a_positive_pressure_pushes_to_the_suction_side_as_the_page_says(case):
     aero = scene.aero_core()
     if "trim_angle" in {v.name for v in aero.variables}:
         aero.set("trim_angle", scene.trim_angle())
+    aero.look()
     assert aero.get("pressure") @ area[:, 2] > 0.0
     # the panels of a strip are those of its lift, from front to rear
     rows = scene.interface.sections.shape[1] - 1

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
+from interface import StepFailed
 from tests.fmus.cases import CASES, PLAIN, gust, label, start
 from tests.fmus.importer import Importer
 
@@ -33,12 +34,13 @@ class CoreSide:
             self.core.set(name, np.reshape(value, self.core.get(name).shape))
 
     def get(self, block):
+        self.core.look()
         return np.ravel(self.core.get(block)).tolist()
 
     def step(self, t):
         try:
             self.core.step(t, self.dt)
-        except RuntimeError:
+        except StepFailed:
             return False
         return True
 

@@ -44,6 +44,9 @@ class Toy:
     def get(self, block):
         return self.values["scale"] * self.values["gain"] if block == "offset" else self.values[block]
 
+    def look(self):
+        pass
+
     def step(self, t, dt):
         v = self.values
         if trouble := TROUBLES[int(v["trouble"])]:

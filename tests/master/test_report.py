@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import master.report
 import scenes
+from aero import AeroModel
 from master.cli import app
 from master.coupling import Coupling
 from master.report import RESULTS, final_state, missing_libraries, versions, write_report
@@ -219,7 +220,9 @@ def test_scene_without_strips_leaves_out_what_shows_them(plate, tmp_path):
     aero = {k: v for k, v in run.blocks["aero"].items() if k not in ("alpha", "circulation")}
     structural = {k: v for k, v in run.blocks["structural"].items() if k != "position"}
     bare = dataclasses.replace(run, blocks={"aero": aero, "structural": structural})
-    written = write_report(tmp_path, scene, bare, content)
+    of_panels = dataclasses.replace(scene)
+    vars(of_panels)["wing_model"] = AeroModel()  # one that has no strips
+    written = write_report(tmp_path, of_panels, bare, content)
     assert not {"strips.png", "polars.svg", "structure.vtu"} & set(written)
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)  # nothing of the run before
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import scenes
-from scenes import aero_core, structural_core
+from aero.vortex_step import VortexStep
+from scenes.cores import statics
 from tests.scenes.broken import copy_of, edited
 
 SCENES = ["typical_section", "v3_kite", "v3_kite_detailed"]
@@ -41,8 +42,8 @@ def test_unchanged_input_is_not_solved_again(name, monkeypatch):
     structure, air = _pair(name)
     _exchange(structure, air)
     calls = []
-    monkeypatch.setattr(structural_core, "equilibrium", lambda *a, **k: calls.append("structure"))
-    monkeypatch.setattr(aero_core.VortexStep, "loads", lambda *a, **k: calls.append("air"))
+    monkeypatch.setattr(statics, "equilibrium", lambda *a, **k: calls.append("structure"))
+    monkeypatch.setattr(VortexStep, "loads", lambda *a, **k: calls.append("air"))
     for core in (structure, air):
         before = _all(core)
         for v in core.variables:
@@ -99,10 +100,10 @@ def test_saved_state_is_not_touched_by_later_steps():
     structure, air = _pair("typical_section")
     _exchange(structure, air)
     state = structure.save()
-    copy = {k: v.copy() for k, v in state["values"].items()}
+    copy = {k: v.copy() for k, v in state.values.items()}
     structure.set("pressure", 2.0 * structure.get("pressure"))
     structure.step(0.0, 0.0)
-    assert _same(copy, state["values"])
+    assert _same(copy, state.values)
     structure.get("position")[:] = 99.0
     assert structure.get("position").max() < 99.0
 

@@ -3,15 +3,16 @@
 Differences are central and of fourth order, (8 (f(1) - f(-1)) - (f(2) - f(-2))) / 12, from one saved state each.
 """
 
+from dataclasses import is_dataclass
+
 import numpy as np
 import pytest
 
 import scenes
-from aero import WingSensitivity
+from aero.vortex_step import WingSensitivity
 from master import IQNILS
 from master.coupling import Coupling, solve
 from master.participants import InProcessParticipant
-from scenes import aero_core
 from structural import mirror_permutation
 
 FLIP = np.array([1.0, -1.0, 1.0])
@@ -182,7 +183,7 @@ def test_artificial_viscosity_in_the_loads_is_in_their_derivative(symmetric):
     # no differences of steps: a moved wing may be solved without viscosity (see tests/aero/test_sensitivity.py)
     nodes = scene.interface.nodes + air.get("displacement")
     at = nodes, air.get("wind_speed") * air.get("wind_direction"), air.get("circulation")
-    expected = WingSensitivity(core._wing, *at, viscosity, bool(symmetric))(directions["displacement"])
+    expected = WingSensitivity(scene.wing_model.wing, *at, viscosity, bool(symmetric))(directions["displacement"])
     for block, value in zip(("pressure", "shear"), expected, strict=True):
         assert np.abs(found[block] - value).max() <= 1e-12 * np.abs(value).max()  # rounding
 
@@ -235,8 +236,12 @@ def test_products_repeat_bitwise_and_are_linear(equilibria, case, side):
 
 def same_state(a, b):
     """Whether two nested states are bitwise the same."""
+    if is_dataclass(a):
+        return type(a) is type(b) and same_state(vars(a), vars(b))
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(same_state(a[k], b[k]) for k in a)
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(same_state(*pair) for pair in zip(a, b, strict=True))
     return a is b is None or (np.shape(a) == np.shape(b) and np.array_equal(a, b))
 
 
@@ -344,7 +349,7 @@ def test_fold_of_the_circulation_has_no_derivative(equilibria, monkeypatch):
     def singular(*_):
         raise np.linalg.LinAlgError
 
-    monkeypatch.setattr(aero_core, "WingSensitivity", singular)
+    monkeypatch.setattr("aero.vortex_step.model.WingSensitivity", singular)
     with pytest.raises(ValueError, match="at a fold of its solutions"):
         air.directional_derivative({})
 

@@ -8,6 +8,7 @@ import pytest
 
 from interface import StepFailed
 from scenes import SceneError, load
+from scenes.cores.transient import Transient
 from tests.scenes.broken import edited
 
 DT = 0.05
@@ -247,14 +248,12 @@ def test_supports_hold_what_the_lines_at_them_pull(added):
 
 
 def test_air_that_moves_with_the_wing_slows_it_along_its_normals_only():
-    from scenes.moving_core import MovingCore
-
-    core = load("v3_kite_dynamic").structural_core()
-    assert isinstance(core, MovingCore)
-    assert core._air_mass() is None
-    core.set("added_mass_coefficient", 1.0)
-    blocks = core._air_mass()
-    i = core._interface
+    scene = load("v3_kite_dynamic")
+    solver = Transient(scene)
+    values = {"added_mass_coefficient": np.array(0.0), "air_density": np.array(1.225)}
+    assert solver._air_mass(values, scene.members.nodes) is None
+    blocks = solver._air_mass(values | {"added_mass_coefficient": np.array(1.0)}, scene.members.nodes)
+    i = scene.interface
     edges = i.nodes[i.sections]
     chord = np.linalg.norm(edges[:, -1] - edges[:, 0], axis=1)
     quarter = edges[:, 0] + 0.25 * (edges[:, -1] - edges[:, 0])

@@ -180,7 +180,7 @@ def test_free_nodes_without_mass_and_negative_damping_are_refused_in_one_sentenc
     given = motion.assembly, np.array([1.0, 0.0]), motion.groups(0.0), motion.assembly
     with pytest.raises(ValueError, match="node number 1 has no mass but is free to move"):
         Motion(*given[:3], oscillator()[0]._loads(0.0)).at(x)
-    with pytest.raises(ValueError, match="damping of element number 0 is -1 N s/m"):
+    with pytest.raises(ValueError, match="damping of element number 1 of Chains is -1 N s/m"):
         row(2, 1.0, 1.0, c=-1.0)
     with pytest.raises(ValueError, match="spectral radius"):
         GeneralisedAlpha(1.5)

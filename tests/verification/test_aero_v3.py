@@ -27,14 +27,19 @@ PEER = np.array([[5.0, 0.533, 0.060], [10.0, 0.893, 0.099]])
 
 
 @pytest.fixture(scope="module")
-def core():
-    return scenes.load("v3_kite", {"chord": "design", "panels_per_section": 4}).aero_core()
+def scene():
+    return scenes.load("v3_kite", {"chord": "design", "panels_per_section": 4})
 
 
 @pytest.fixture(scope="module")
-def strip_area(core):
+def core(scene):
+    return scene.aero_core()
+
+
+@pytest.fixture(scope="module")
+def strip_area(scene):
     """Sum of the strips' areas projected along z, which the peer divides by."""
-    corners = core._interface.nodes[core._interface.panels]
+    corners = scene.interface.nodes[scene.interface.panels]
     return np.abs(0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])[:, 2]).sum()
 
 
@@ -65,12 +70,12 @@ def test_coefficients_on_the_peers_area_are_the_peers(core, strip_area):
     np.testing.assert_allclose(ours[:, 1], PEER[:, 2], rtol=0, atol=0.003)
 
 
-def test_the_peers_relaxation_and_drag_direction_give_its_figures_to_all_their_digits(core, strip_area):
+def test_the_peers_relaxation_and_drag_direction_give_its_figures_to_all_their_digits(scene, strip_area):
     """The peer relaxes Gamma = U^2 c cl / 2 U_inf, which the scene asks for too, where we use Newton on it.
 
     Its source also points section drag along y x lift with the global y, ours along the strip's own span x lift.
     """
-    wing, nodes = core._wing, core._interface.nodes
+    wing, nodes = scene.wing_model.wing, scene.interface.nodes
     for alpha, lift, drag in PEER:
         a = np.deg2rad(alpha)
         wind = 10.0 * np.array([np.cos(a), 0.0, np.sin(a)])

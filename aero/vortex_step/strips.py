@@ -4,21 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from interface.vectors import cross
+
 QUARTER, THREE_QUARTER = 0.25, 0.75
 
 
 def unit(v):
     """Rows of v (n,3) divided by their length."""
     return v / np.sqrt(np.einsum("ik,ik->i", v, v))[:, None]
-
-
-def cross(a, b):
-    """a x b over the last axis; several times faster than numpy.cross on small arrays."""
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return out
 
 
 @dataclass(frozen=True, eq=False)

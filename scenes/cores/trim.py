@@ -1,19 +1,14 @@
 """Where a kite starts: turned as a rigid body about its bridle point until nothing pitches it."""
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
+from aero.trim import stable_trim
 from interface import StepFailed
+from interface.vectors import rotated
 
-from .interface import rotated
-from .tables import SceneError
-
-# Scan step of the search for a sign change; pitching moment curves of kites have one stable zero within tens of
-# degrees.
-STEP_DEG = 2.5
+from ..tables import SceneError
 
 
 def trim_angle(scene, parameters: dict[str, Any]) -> float:
@@ -51,19 +46,16 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
         return float(air[1] + weight @ arm)
 
     low, high = (np.deg2rad(scene.content["trim"][key]) for key in ("lowest_deg", "highest_deg"))
-    angles = np.linspace(low, high, max(2, int(np.ceil((high - low) / np.deg2rad(STEP_DEG))) + 1))
-    before = first = moment(angles[0])
-    for left, right in pairwise(angles):
-        after = moment(right)
-        if before > 0.0 >= after:
-            return float(brentq(moment, left, right, xtol=1e-6))
-        before = after
+    found = stable_trim(moment, low, high)
+    if found.angle is not None:
+        return found.angle
     lift = float(core.get("CL")) * float(core.get("wind_speed")) ** 2
     lift *= 0.5 * float(core.get("air_density")) * scene.content["aero"]["reference_area"]
-    sense = " (it rises, so that the angle between is not stable)" if first < 0.0 < before else ""
+    sense = " (it rises, so that the angle between is not stable)" if found.rises else ""
     raise SceneError(
         f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees, where the pitching "
-        f"moment about the pivot falls through zero: air and weight pitch with {first:.4g} N m at the lowest and "
-        f"{before:.4g} N m at the highest{sense}, with {weight.sum():.4g} N of weight and {lift:.4g} N of lift there; "
-        "check masses, diameters and polars, or raise wind_speed so that the wind can carry the kite, or widen [trim]."
+        f"moment about the pivot falls through zero: air and weight pitch with {found.first:.4g} N m at the lowest and "
+        f"{found.last:.4g} N m at the highest{sense}, with {weight.sum():.4g} N of weight and {lift:.4g} N of lift "
+        "there; check masses, diameters and polars, or raise wind_speed so that the wind can carry the kite, or widen "
+        "[trim]."
     )

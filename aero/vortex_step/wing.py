@@ -5,10 +5,13 @@ from typing import Literal
 
 import numpy as np
 
+from interface.mirror import MIRROR
+from interface.vectors import cross
+
 from .circulation import Circulation, SectionFlow, attached_start, flow_angle, solve
 from .influence import CORE_FRACTION, control_influence, folded, wake_influence
 from .polars import StripPolars
-from .strips import Strips, cross, strips_between, unit
+from .strips import Strips, strips_between, unit
 from .surface_loads import PanelGeometry, SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
 
 
@@ -213,7 +216,7 @@ def _part(strips, rows):
 def _whole(circulation, force, moment, n):
     """The mirrored half added: strips 0 ... n/2 - 1 are the images of the solved ones in reverse order."""
     image = slice(None, 0 if n % 2 else None, -1)
-    mirrored = force * np.array([1.0, -1.0, 1.0])
+    mirrored = force * MIRROR
 
     def join(a, b):
         return np.concatenate([a[image], b])

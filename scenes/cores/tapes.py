@@ -4,8 +4,8 @@ from functools import cached_property
 
 import numpy as np
 
-from .members import with_rest_lengths
-from .tables import SceneError
+from ..members import with_rest_lengths
+from ..tables import SceneError
 
 
 class Tapes:

@@ -9,11 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .circulation import Circulation
-from .line_drag import line_loads
+from aero.complex_steps import STEP, moved
 
-# h for directions whose largest entry is scaled to one: h^2 is far below rounding, h^4 far above the smallest number.
-STEP = 1e-40
+from .circulation import Circulation
 
 
 class WingSensitivity:
@@ -41,23 +39,11 @@ class WingSensitivity:
         """Derivatives of pressure (p,) Pa and shear (p,3) Pa, or None, for nodes moving along `direction` (s,3) m; a
         mirror-symmetric one on a symmetric wing.
         """
-        moved, size = _moved(self._nodes, direction)
-        at = self._wing.placed(moved, self._wind, self._symmetric)
+        stepped, size = moved(self._nodes, direction)
+        at = self._wing.placed(stepped, self._wind, self._symmetric)
         flow = at.flow.with_viscosity(self._viscosity)
         gamma = self._gamma - 1j * (self._inverse @ flow.imbalance(self._gamma)[0].imag)
         _, (_, _, _, speed, alpha, _, _, outside) = flow.imbalance(gamma)
         circulation = Circulation(gamma, alpha, speed, outside, True, 0, 0.0, self._viscosity)
         loads = self._wing.loaded(replace(at, flow=flow), circulation)
         return tuple(None if a is None else a.imag / STEP * size for a in (loads.pressure, loads.shear))
-
-
-def line_loads_derivative(ends, direction, *air):
-    """Derivative N/m (k,3) of `line_loads` for ends (k,2,3) m moving along `direction` (k,2,3) m; `air` as there."""
-    moved, size = _moved(ends, direction)
-    return line_loads(moved, *air).imag / STEP * size
-
-
-def _moved(points, direction):
-    """Points moved along the imaginary axis by the direction times STEP over its largest entry, and that entry."""
-    size = float(np.abs(direction).max(initial=0.0)) or 1.0
-    return points + 1j * (STEP * (direction / size)), size

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .tables import SceneError
+from ..tables import SceneError
 
 
 def held_place(scene):

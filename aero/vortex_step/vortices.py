@@ -2,10 +2,7 @@
 
 import numpy as np
 
-
-def _cross(a, b):
-    """a x b over the first axis, component arrays of any broadcastable shape: three times faster than numpy.cross."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+from interface.vectors import cross
 
 
 def _dot(a, b):
@@ -26,7 +23,7 @@ def segment_velocity(points, start, end, core):
     """
     r0 = (end - start).T[:, None, :]
     r1, r2 = _from(points, start), _from(points, end)
-    n = _cross(r1, r2)
+    n = cross(r1, r2, axis=0)
     length2 = _dot(r0, r0)
     h2 = _dot(n, n) / length2
     tiny = 1e-12 * np.sqrt(length2)
@@ -41,7 +38,7 @@ def semi_infinite_velocity(points, start, direction, core):
     """
     d = direction[:, None, None]
     r = _from(points, start)
-    n = _cross(d, r)
+    n = cross(d, r, axis=0)
     h2 = _dot(n, n)
     length = np.sqrt(_dot(r, r))
     factor = 1.0 + _dot(d, r) / np.maximum(length, 1e-300)
@@ -53,7 +50,7 @@ def line_velocity(points, origin, direction, core):
 
     v = d x r / (2 pi h^2) with the unit `direction` d (3,) of all; core as in `segment_velocity`.
     """
-    n = _cross(direction[:, None, None], _from(points, origin))
+    n = cross(direction[:, None, None], _from(points, origin), axis=0)
     h2 = _dot(n, n)
     return n / (2.0 * np.pi * np.sqrt(h2 * h2 + core**4))
 
@@ -61,6 +58,6 @@ def line_velocity(points, origin, direction, core):
 def infinite_velocity(points, origin, direction, core):
     """Velocity [1/m per unit circulation] of infinite lines, one a point, all (n,3): (3, n). v = d x r / (2 pi h^2)."""
     r = (points - origin).T
-    n = _cross(direction.T, r)
+    n = cross(direction.T, r, axis=0)
     h2 = _dot(n, n)
     return n / (2.0 * np.pi * np.sqrt(h2 * h2 + core**4))

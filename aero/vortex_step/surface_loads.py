@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .strips import cross
-
-_MASS = np.array([[4, 2, 1, 2], [2, 4, 2, 1], [1, 2, 4, 2], [2, 1, 2, 4]]) / 36.0
+from interface.mesh import station_panels
+from interface.panels import MASS, area_vectors
+from interface.vectors import cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,7 @@ class SurfaceGrid:
     @property
     def panels(self):
         """Node indices (k n, 4)."""
-        first, second = self.sections[:-1], self.sections[1:]
-        corners = [[first[:, c], first[:, c + 1], second[:, c + 1], second[:, c]] for c in range(self.rows)]
-        return np.concatenate([np.stack(four, axis=1) for four in corners])
+        return station_panels(self.sections)
 
     @property
     def shapes(self):
@@ -86,12 +84,11 @@ def panel_geometry(corners, fractions):
 
     The centroid weighs the corners with int N_i dA over the bilinear panel, as the receiver shares the panel force.
     """
-    d1, d2 = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
-    area = 0.5 * cross(d1, d2)
+    area = area_vectors(corners)
     after = np.roll(corners, -1, axis=1) - corners
     normals = cross(after, -np.roll(after, 1, axis=1))  # corner normals: bilinear panel's dA at its corners
     area2 = np.einsum("pk,pk->p", area, area)
-    shares = np.einsum("ij,pj->pi", _MASS, np.einsum("pjk,pk->pj", normals, area)) / area2[:, None]
+    shares = np.einsum("ij,pj->pi", MASS, np.einsum("pjk,pk->pj", normals, area)) / area2[:, None]
     return PanelGeometry(
         area, area2, np.einsum("pi,pik->pk", shares, corners), np.einsum("pi,pi->p", shares, fractions)
     )

@@ -19,6 +19,15 @@ def mirror_images(interface):
     return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
 
 
+def symmetric_groups(groups, mirror):
+    """Whether every element has a mirror image with the same properties, `mirror` (n,) being that of the nodes."""
+    for group in groups:
+        rows = mirror_rows(group.nodes, mirror, group.canonical)
+        if np.any(rows < 0) or any(np.any(a != a[rows]) for a in group.properties().values()):
+            return False
+    return True
+
+
 def symmetrised(values, image):
     """The symmetric part of vectors (n,...,3) or scalars (n,) with the mirror `image` (n,) of each."""
     return 0.5 * (values + values[image] * (MIRROR if values.ndim > 1 else 1.0))

@@ -1,0 +1,100 @@
+"""What a model of the flow promises: a displaced interface and a wind in, interface loads and named outputs out.
+
+A model is one class with `solve`. It keeps nothing between calls: what one step hands to the next is in its state,
+which the caller keeps, saves and restores. It says itself what it has (`variables`, `strips`, `remarks`, `tables`), so
+that cores, FMU pages and reports need not know which model they have.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from interface import Variable
+
+Values = Mapping[str, np.ndarray]
+Derivative = Callable[[np.ndarray], dict[str, np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What a model is to answer: interface `nodes` (n,3) m as displaced, in a wind of `speed` m/s to the `direction`
+    (3,), a unit vector, of air of `density` kg/m^3; moments are about the point `about` (3,) m. Moving nodes have a
+    `velocity` (n,3) m/s; `dt` s is the length of the step that ends here, 0 to look only.
+    """
+
+    nodes: np.ndarray
+    direction: np.ndarray
+    speed: float
+    density: float = 1.225
+    about: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    velocity: np.ndarray | None = None
+    dt: float = 0.0
+
+    @property
+    def wind(self) -> np.ndarray:
+        """Velocity (3,) m/s of the undisturbed air."""
+        return self.speed * self.direction
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Answer of a model: `outputs` by name, interface loads (see LOADS) among them, the `force` (3,) N and `moment`
+    (3,) N m of all its loads, the `state` for the next step, and whether one half was solved and mirrored.
+    """
+
+    outputs: dict[str, Any]
+    force: np.ndarray
+    moment: np.ndarray
+    state: Any = None
+    symmetric: bool = False
+
+
+# Interface loads: pressure (m,) and shear (m,3) Pa on the panels, line_load (k,3) N/m on the lines.
+LOADS = ("pressure", "shear", "line_load")
+
+
+@dataclass(frozen=True, eq=False)
+class StripLayout:
+    """Strips of a wing on the interface mesh: `sections` (n+1, k+1) node indices of the stations of each section; the
+    names of the outputs that are the effective `angle` of attack (n,) rad and the `circulation` (n,) m^2/s, if any; and
+    the section `polars` of the n strips, None without.
+    """
+
+    sections: np.ndarray
+    angle: str
+    circulation: str | None = None
+    polars: Any = None
+
+
+class AeroModel:
+    """A model of the flow. Subclasses give `variables` and `solve`; all else has an answer that suits most."""
+
+    title: str = ""  # what it is, as a sentence about it would call it
+    variables: tuple[Variable, ...] = ()  # parameters that it takes and outputs that it gives
+    strips: StripLayout | None = None  # strips along the span, where it has some
+
+    def solve(self, flow: Flow, values: Values, state: Any = None) -> Response:
+        """Loads and outputs for a flow, with the `values` of its parameters and the state that the step before left
+        (None: there was none). `StepFailed` in one sentence where it has no answer.
+        """
+        raise NotImplementedError
+
+    def remembers(self, values: Values) -> bool:
+        """Whether its answer depends on the step before, so that the same flow twice is not the same answer."""
+        return False
+
+    def derivative(self, flow: Flow, values: Values, state: Any) -> Derivative:
+        """Derivatives of the loads at a solved flow and its state, a function of directions (n,3) m of the nodes;
+        ValueError in one sentence where there are none.
+        """
+        raise ValueError(f"{self.title} has no directional derivatives; use a scheme that needs none.")
+
+    def remarks(self, outputs: Values) -> list[str]:
+        """Sentences on what is worth a warning in its outputs."""
+        return []
+
+    def tables(self) -> Sequence[tuple[str, str, list[list[Any]]]]:
+        """What its own indices count: a word (see `Variable.counts`), names of columns, rows."""
+        return ()

@@ -1,0 +1,5 @@
+"""Solver cores of scenes: a structural one at rest or in motion, an aerodynamic one, each behind named blocks."""
+
+from .core import Core, CoreState, Result, Solver
+
+__all__ = ["Core", "CoreState", "Result", "Solver"]

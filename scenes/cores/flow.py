@@ -1,0 +1,212 @@
+"""The aerodynamic solver of a scene: interface displacements in, loads of the models of its flow out."""
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from aero import AeroModel, Flow, Gusts, coefficients
+from aero.coefficients import glide_ratio
+from aero.model import LOADS
+from interface import Variable
+from interface.mirror import mirror_permutation
+from interface.vectors import rotated
+
+from .core import Result, Solver
+from .symmetry import symmetrised
+
+GUSTS = ("gust_speed", "gust_start", "gust_duration", "gust_interval")
+
+
+@dataclass(frozen=True, eq=False)
+class FlowState:
+    """End s of the last step, and what the models keep from it, None before there was one."""
+
+    time: float = 0.0
+    models: tuple[Any, ...] | None = None
+
+
+class FlowSolver(Solver):
+    """Loads of the models of a scene's flow, `wing` first where it has one, in a uniform wind.
+
+    In a scene of motion the interface moves: every part meets the wind minus its own velocity. The wind of a step is
+    that at its end. Until the first step every solve starts without a state, so that to look changes no later result.
+    """
+
+    def __init__(self, scene, wing: AeroModel | None, lines: AeroModel | None):
+        self.name, self._scene, self._interface = scene.name, scene, scene.interface
+        self._wing, self._lines = wing, lines
+        self.models = tuple(m for m in (wing, lines) if m is not None)
+        self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
+        self.variables = tuple(self._declared(scene.content["aero"]))
+        if scene.moves:
+            self.refuses_derivatives = (
+                "the flow around a wing in motion has no directional derivatives; use another scheme."
+            )
+        elif wing is None:
+            self.refuses_derivatives = (
+                "the flow around lines alone has no directional derivatives; use a scheme that needs none."
+            )
+
+    def _declared(self, content):
+        yield from self._air(content)
+        of_models = [v for m in self.models for v in m.variables]
+        yield from (v for v in of_models if v.causality == "parameter")
+        if self._scene.content["trim"] is not None:
+            text = "rigid nose-up rotation about the pivot in which the wing starts"
+            limits = {"minimum": -3.2, "maximum": 3.2, "unit": "rad", "description": text}
+            yield Variable("trim_angle", causality="parameter", variability="fixed", **limits)
+        yield from (v for v in of_models if v.name in LOADS)
+        if self._scene.moves:
+            text, start = "wind speed with the gust", content["wind_speed"]
+            yield Variable("present_wind_speed", causality="output", unit="m/s", start=start, description=text)
+        if self._wing is not None:
+            yield from self._totals(content)
+        for model in (self._lines, self._wing):
+            if model is self._wing is not None:
+                text = "lift over drag of the wing and the exposed lines together"
+                yield Variable("glide_ratio", causality="output", description=text)
+            shown = () if model is None else model.variables
+            yield from (v for v in shown if v.causality == "output" and v.name not in LOADS)
+
+    def _air(self, content):
+        of_node = partial(Variable, shape=(len(self._interface.nodes), 3), counts="interface node")
+        yield of_node("displacement", unit="m", description="interface displacement from the reference configuration")
+        if self._scene.moves:
+            yield of_node("velocity", unit="m/s", description="velocity of the interface nodes")
+        tunable = partial(Variable, causality="parameter", variability="tunable")
+        text = "wind speed at the wing" if self._wing is not None else "wind speed at the lines"
+        start = content["wind_speed"]
+        yield tunable("wind_speed", unit="m/s", start=start, minimum=1e-3, maximum=340.0, description=text)
+        text = "direction that the wind blows to, global frame, any length above zero"
+        yield tunable("wind_direction", (3,), start=np.array(content["wind_direction"], float), description=text)
+        start, text = content["air_density"], "density of the air"
+        yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
+        if self._scene.moves:
+            start = self._scene.content["dynamics"]
+            text = (
+                "height of gusts: wind_speed + gust_speed (1 - cos(2 pi t / gust_duration)) / 2, t since its beginning"
+            )
+            at, most = start["gust_speed"], 340.0
+            yield tunable("gust_speed", unit="m/s", minimum=-most, maximum=most, start=at, description=text)
+            positive = partial(tunable, unit="s", minimum=0.0, maximum=1e6)
+            text = "time at which the first gust begins"
+            yield positive("gust_start", start=start["gust_start"], description=text)
+            yield positive("gust_duration", start=start["gust_duration"], description="duration of a gust")
+            text = "time from the beginning of a gust to that of the next; 0: there is one only"
+            yield positive("gust_interval", start=start["gust_interval"], description=text)
+
+    def _totals(self, content):
+        output = partial(Variable, causality="output")
+        area = f"of the wing on the reference area {content['reference_area']:g} m2"
+        area += " and wind_speed, without gusts" if self._scene.moves else ""
+        yield output("CL", description=f"lift coefficient {area}")
+        yield output("CD", description=f"drag coefficient {area}")
+        yield output("CS", description=f"side force coefficient {area}")
+        yield output("force", (3,), unit="N", description="aerodynamic force on the wing")
+        text = f"aerodynamic moment on the wing about the {'origin' if self._scene.pivot is None else 'pivot'}"
+        yield output("moment", (3,), unit="N.m", description=text)
+
+    def check(self, block, array):
+        """See Solver."""
+        if block == "wind_direction" and not np.abs(array).max() > 0.0:
+            raise ValueError("wind_direction must not be zero.")
+        across = block != "wind_direction" or np.abs(array[[0, 2]]).max() > 1e-6 * np.abs(array).max()
+        if self._wing is not None and not across:
+            raise ValueError("wind_direction must not be zero or along the span (y).")
+        if block == "gust_duration" and not float(array) > 0.0:
+            raise ValueError("gust_duration must be above zero.")
+
+    def begin(self, values):
+        """See Solver."""
+        state = FlowState()
+        return Result(self._wind(values, state), state)
+
+    def follow(self, block, values, state, started):
+        """See Solver: where the wing starts, and the wind with its gust."""
+        if block == "trim_angle":
+            nodes = self._interface.nodes
+            return Result({"displacement": rotated(nodes, float(values["trim_angle"]), self._about) - nodes})
+        return Result(self._wind(values, state) if block in ("wind_speed", *GUSTS) else {})
+
+    def _wind(self, values, state):
+        if not self._scene.moves:
+            return {}
+        return {"present_wind_speed": self._gusts(values).speed(float(values["wind_speed"]), state.time)}
+
+    @staticmethod
+    def _gusts(values):
+        return Gusts(*(float(values[name]) for name in GUSTS))
+
+    def _speed(self, values, at):
+        """Wind speed m/s at a time s; StepFailed where gusts leave none."""
+        steady = float(values["wind_speed"])
+        return self._gusts(values).checked_speed(steady, at) if self._scene.moves else steady
+
+    def must_step(self, values, state, t, dt):
+        """See Solver: where the wind is another, or a model remembers the step before."""
+        if self._scene.moves and self._speed(values, t + dt) != float(values["present_wind_speed"]):
+            return True
+        return any(m.remembers(values) for m in self.models)
+
+    def repeated(self, values, state, first, t, dt):
+        """See Solver."""
+        counted = "newton_iterations" in values and not first
+        return Result({"newton_iterations": 0} if counted else {}, FlowState(t + dt, state.models))
+
+    def look(self, values, state):
+        """See Solver: the loads on the wing and the lines as they start."""
+        speed = float(values["present_wind_speed"] if self._scene.moves else values["wind_speed"])
+        return self._solved(values, self._flow(values, speed), None, state.time)
+
+    def step(self, values, state, first, t, dt):
+        """Loads on the displaced interface."""
+        flow = self._flow(values, self._speed(values, t + dt), dt)
+        return self._solved(values, flow, None if first else state.models, t + dt)
+
+    def _flow(self, values, speed, dt=0.0):
+        direction = values["wind_direction"]
+        direction = np.ldexp(direction, -np.frexp(np.abs(direction).max())[1])  # exact, and its square is a number
+        nodes = self._interface.nodes + values["displacement"]
+        air = float(values["air_density"]), self._about, values.get("velocity")
+        return Flow(nodes, direction / np.linalg.norm(direction), speed, *air, dt)
+
+    def _solved(self, values, flow, states, time):
+        states = states or (None,) * len(self.models)
+        found = [m.solve(flow, values, state) for m, state in zip(self.models, states, strict=True)]
+        out = {k: v for response in found for k, v in response.outputs.items()}
+        if self._scene.moves:
+            out["present_wind_speed"] = flow.speed
+        if self._wing is not None:
+            area, steady = self._scene.content["aero"]["reference_area"], float(values["wind_speed"])
+            force, whole = found[0].force, found[0].force + (found[1].force if len(found) > 1 else np.zeros(3))
+            c = coefficients(force, flow.direction, 0.5 * flow.density * steady**2 * area)
+            out |= {"CL": c.CL, "CD": c.CD, "CS": c.CS, "force": force, "moment": found[0].moment}
+            out["glide_ratio"] = glide_ratio(whole, flow.direction)
+        return Result(out, FlowState(time, tuple(response.state for response in found)))
+
+    def derivative(self, values, state):
+        """Of the loads along directions in the displacement, on the shape of the last step."""
+        flow = self._flow(values, float(values["wind_speed"]))
+        along = [m.derivative(flow, values, kept) for m, kept in zip(self.models, state.models, strict=True)]
+        symmetric = bool(values.get("symmetry_used", False))
+
+        def derivative(changes):
+            change = changes.get("displacement", np.zeros_like(self._interface.nodes))
+            change = self._symmetric_part(change) if symmetric else change
+            return {k: v for model in along for k, v in model(change).items()}
+
+        return derivative
+
+    def _symmetric_part(self, change):
+        """The mirror-symmetric part of a direction (n,3); of the wing alone where the lines have no mirror image."""
+        if self._image is not None:
+            return symmetrised(change, self._image)
+        change, sections = change.copy(), self._interface.sections
+        change[sections] = symmetrised(change[sections], np.arange(len(sections))[::-1])
+        return change
+
+    @cached_property
+    def _image(self):
+        return mirror_permutation(self._interface.nodes)

@@ -1,0 +1,147 @@
+"""The structural solver of a scene at rest: loads in, interface displacements out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from interface import StepFailed
+from structural import Loads, LoadSensitivity, equilibrium, interface_loads
+
+from .core import Result, Solver
+from .holding import held_moment, holding_reactions
+from .structural_variables import static_variables
+from .structure import StructuralModel
+from .symmetry import symmetrised
+
+# Young's modulus Pa to which lines are softened for the start of a first solve.
+EASED = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Positions `x` (n,3) m and `rotations` (r,3,3) of the frames, None without any: where the next solve starts."""
+
+    x: np.ndarray
+    rotations: np.ndarray | None
+
+
+class Statics(Solver):
+    """Static equilibrium of a scene's structure under interface loads and gravity, warm-started from step to step."""
+
+    inexact = ("solver_tolerance",)
+
+    def __init__(self, scene):
+        self.name, self.model = scene.name, StructuralModel(scene)
+        self.variables = tuple(static_variables(scene, self.model))
+
+    def check(self, block, array):
+        """See Solver."""
+        if block == "tube_pressure":
+            try:
+                self.model.tubes_at(float(array))
+            except ValueError as error:
+                raise ValueError(f"tube_pressure cannot be {float(array):g} Pa: {error}") from None
+
+    def begin(self, values):
+        """See Solver."""
+        shape = Shape(*self.model.start(values))
+        return Result(self.model.shown(values, shape.x, shape.rotations), shape)
+
+    def follow(self, block, values, state, started):
+        """See Solver."""
+        if block == "trim_angle":
+            return self.begin(values)
+        return Result() if started else Result(self.model.shown(values, state.x, state.rotations))
+
+    def repeated(self, values, state, first, t, dt):
+        """See Solver."""
+        return Result({"imbalance_before_step": values["residual"], "newton_iterations": 0})
+
+    def step(self, values, state, first, t, dt):
+        """Equilibrium under the present loads."""
+        model = self.model
+        groups, loads, held = model.groups(values), model.loads(values), self._is_held(values)
+        symmetric = model.symmetric(values, groups, (loads,), state.x)
+        assembly, tolerance = model.assembly(symmetric, held), float(values["solver_tolerance"])
+        start = self._eased(assembly, values, loads, state) if first and model.members.wing is not None else state
+        found = equilibrium(assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations)
+        if not found.converged:
+            moved = np.linalg.norm(found.x - state.x, axis=1)
+            raise StepFailed(
+                f"static equilibrium not found in {found.iterations} Newton iterations ({found.status}): "
+                f"{found.residual:.3g} N out of balance, {tolerance:.3g} N asked for; node "
+                f"{model.members.labels[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
+            )
+        shape = Shape(found.x, found.rotations)
+        out = model.shown(values, found.x, found.rotations) | {
+            "support_force": model.external_force(loads, found.x),
+            "residual": found.residual,
+            "imbalance_before_step": found.residuals[0],
+            "unstable_modes": found.unstable_modes,
+            "newton_iterations": found.iterations,
+            "symmetry_used": float(symmetric),
+        }
+        if "hold_roll_and_yaw" in values:
+            out |= self._holding(groups, loads, shape, held)
+        return Result(out, shape)
+
+    @staticmethod
+    def _is_held(values):
+        return bool(values.get("hold_roll_and_yaw", False))
+
+    def _eased(self, assembly, values, loads, state):
+        """The shape to start the first solve from: the equilibrium with softened lines.
+
+        In the design shape of a full bridle many lines are far off their rest lengths; stiff ones make Newton crawl
+        from kink to kink. Softened to EASED they let the kite find its pose, from where the stiff ones are near. Only
+        the start depends on it.
+        """
+        soft = self.model.softened(self.model.chains(values), EASED)
+        if soft is None:
+            return state
+        on = loads.on.get("panels")
+        force = float(np.linalg.norm(loads.dead)) + (0.0 if on is None else float(np.abs(on.pressure).sum()))
+        groups = self.model.with_chains(values, soft)
+        near = equilibrium(assembly, loads, state.x, max(1e-3, 1e-6 * force), groups=groups, rotations=state.rotations)
+        return Shape(near.x, near.rotations) if near.converged else state
+
+    def _holding(self, groups, loads, shape, held):
+        """Reactions of the held node and frame: what the free structure is out of balance by."""
+        if not held:
+            return {"holding_force": 0.0, "holding_moment": np.zeros(3)}
+        free, r = self._free_residual(groups, loads, shape)
+        about = np.zeros(3) if self.model.pivot is None else self.model.members.nodes[self.model.pivot]
+        force, moment = holding_reactions(free, r, shape.x, self.model.held, about)
+        return {"holding_force": force, "holding_moment": moment}
+
+    def _free_residual(self, groups, loads, shape):
+        """The assembly without the hold, and what it is out of balance by (q,)."""
+        free = self.model.assembly(False)
+        prepared = free.prepare(loads, groups)
+        return free, free.residual(free.unknowns.restrict(shape.x), prepared, shape.rotations)[0]
+
+    def derivative(self, values, state):
+        """Of the displacement along directions in pressure, shear and line load, at the equilibrium of the last step.
+
+        K dX = H^T df and dx = H dX with the consistent tangent K of elements and follower loads
+        (`structural.LoadSensitivity`), factorised once.
+        """
+        model = self.model
+        groups, loads, held = model.groups(values), model.loads(values), self._is_held(values)
+        symmetric = bool(values["symmetry_used"])
+        reaction = None
+        if held:
+            reaction = held_moment(*self._free_residual(groups, loads, state), model.held, state.rotations)
+        assembly = model.assembly(symmetric, held)
+        sensitivity = LoadSensitivity(assembly, loads, state.x, groups, state.rotations, reaction)
+
+        def along(changes):
+            if symmetric:
+                panels, lines = model.images
+                changes = {k: symmetrised(v, lines if k == "line_load" else panels) for k, v in changes.items()}
+            pressure = changes.get("pressure", np.zeros(len(model.interface.panels)))
+            on = interface_loads(pressure, changes.get("shear"), changes.get("line_load"))
+            moved = sensitivity(Loads(np.zeros_like(state.x), on))
+            return {"displacement": model.interface.weights @ moved}
+
+        return along

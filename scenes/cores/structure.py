@@ -1,0 +1,191 @@
+"""The structure of a scene: elements, loads and half models for present values, and the outputs that show a shape."""
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from interface.mirror import mirror_permutation
+from interface.vectors import rotated
+from structural import (
+    Assembly,
+    Loads,
+    Structure,
+    interface_groups,
+    interface_loads,
+    line_load_forces,
+    surface_forces,
+    tensions,
+)
+
+from ..point_loads import read_loads
+from .holding import held_place, held_structure
+from .memory import Remembered
+from .symmetry import mirror_images, symmetric_groups, symmetric_state
+from .tapes import Tapes
+from .tube_sections import tube_beams, tube_state
+
+
+class StructuralModel:
+    """What a static and a transient core share. It has no state: all follows from values of blocks and a shape.
+
+    `members` and `interface` are those of the scene, `mirror` (n,) the images of its nodes or None, `held` the node and
+    frame at which roll and yaw can be held or None.
+    """
+
+    def __init__(self, scene):
+        self.scene = scene
+        self.members, self.interface, self.pivot = scene.members, scene.interface, scene.pivot
+        self.tapes, self.held = Tapes(scene), held_place(scene)
+        self.mirror = mirror_permutation(self.members.nodes)
+        self.point_loads = read_loads(scene)
+        self._assemblies: dict[tuple[bool, bool], Assembly] = {}
+        self._beams = Remembered(self._tube_beams)
+        self._chains = Remembered(self._tape_chains)
+        self._groups = Remembered(lambda chains, beams: (*chains, *beams, *self.members.bending))
+        self._symmetric = Remembered(self._symmetric_groups)
+
+    # Elements
+
+    def beams(self, values):
+        """The groups of beams at the present pressure: none, or one."""
+        return () if self.members.wing is None else self._beams(values["tube_pressure"])
+
+    def _tube_beams(self, pressure):
+        return (self.tubes_at(float(pressure)),)
+
+    def tubes_at(self, pressure):
+        """The beams of all tubes at a pressure Pa; ValueError in one sentence where their law has no answer."""
+        return tube_beams(self.members, self.scene.content["structure"], self.scene.settings, pressure)
+
+    def chains(self, values):
+        """The chains with the present tape lengths and line modulus."""
+        return self._chains(values.get("line_modulus"), *(values[name] for name in self.tapes))
+
+    def _tape_chains(self, modulus, *lengths):
+        given = {name: float(v) for name, v in zip(self.tapes, lengths, strict=True)}
+        return self.tapes.chains(given, None if modulus is None else float(modulus))
+
+    def groups(self, values):
+        """All groups of elements: chains, beams, bending springs."""
+        return self._groups(self.chains(values), self.beams(values))
+
+    def with_chains(self, values, chains):
+        """All groups of elements, with other chains than the present ones."""
+        return (*chains, *self.beams(values), *self.members.bending)
+
+    # Symmetry
+
+    def symmetric(self, values, groups, loads, x):
+        """Whether one half is to be solved: asked for, and elements, supports, `loads` and shape x (n,3) m are."""
+        if not (bool(values["symmetric"]) and self._mirrored_supports and self._symmetric(*groups)):
+            return False
+        return all(symmetric_state(one, x, self.mirror, self.images) for one in loads)
+
+    @cached_property
+    def _mirrored_supports(self):
+        return self.mirror is not None and np.array_equal(self.members.fixed, self.members.fixed[self.mirror])
+
+    def _symmetric_groups(self, *groups):
+        return symmetric_groups(groups, self.mirror)
+
+    @cached_property
+    def images(self):
+        """Mirror images of panels and lines of the interface; None where one has none."""
+        return mirror_images(self.interface)
+
+    def assembly(self, symmetric, held=False):
+        """The assembly of the whole or one half, with roll and yaw held or not; each is made once."""
+        if (symmetric, held) not in self._assemblies:
+            structure = held_structure(self._structure, self.held) if held else self._structure
+            self._assemblies[symmetric, held] = Assembly(structure, self.mirror if symmetric else None)
+        return self._assemblies[symmetric, held]
+
+    @cached_property
+    def _structure(self):
+        m, i, w = self.members, self.interface, self.members.wing
+        groups = (*m.chains, *m.bending)
+        loaded = interface_groups(i.weights, i.panels, i.lines)
+        if w is None:
+            return Structure(m.nodes, m.fixed, groups, loaded)
+        beams = self.tubes_at(self.scene.content["structure"]["tube_pressure"])
+        clamped = np.zeros((len(w.frames), 3), dtype=bool)
+        groups = (*m.chains, beams, *m.bending)
+        return Structure(m.nodes, m.fixed, groups, loaded, w.frames, clamped, w.riders, w.carriers)
+
+    # Loads
+
+    def mass(self, values):
+        """Masses (n,) kg of the nodes."""
+        return self.members.mass_with(float(values["wing_mass"]) if "wing_mass" in values else 0.0)
+
+    def loads(self, values, more_mass=None):
+        """Loads of the interface, weights and loads on nodes with their present values; `more_mass` (n,) kg adds
+        weight.
+        """
+        gravity = float(values["gravity"])
+        dead = self.mass(values)[:, None] * np.array([0.0, 0.0, -gravity])
+        for name, rows in self.point_loads.items():
+            for node, direction in rows:
+                dead[node] += float(values[name]) * direction
+        if more_mass is not None:
+            dead[:, 2] -= more_mass * gravity
+        return Loads(dead, interface_loads(values.get("pressure"), values.get("shear"), values.get("line_load")))
+
+    def external_force(self, loads, x):
+        """Force (3,) N of all loads together in node positions x (n,3) m."""
+        points, force = self.interface.weights @ x, loads.dead.sum(axis=0)
+        if "panels" in loads.on:
+            on = loads.on["panels"]
+            corners = points[self.interface.panels]
+            force = surface_forces(corners, on.pressure, on.shear).sum(axis=(0, 1)) + force
+        if "lines" in loads.on:
+            on = loads.on["lines"]
+            force = force + line_load_forces(points[self.interface.lines], on.per_length).sum(axis=(0, 1))
+        return force
+
+    # Shapes
+
+    def start(self, values):
+        """Positions (n,3) m, and rotations (r,3,3) of the frames where there are some, to start from."""
+        nodes, wing = self.members.nodes, self.members.wing
+        angle = float(values["trim_angle"]) if "trim_angle" in values else 0.0
+        turn = self.pivot is not None and angle != 0.0
+        x = rotated(nodes, angle, nodes[self.pivot]) if turn else nodes.copy()
+        if wing is None:
+            return x, None
+        about_y = rotated(np.eye(3), angle, np.zeros(3)).T if turn else np.eye(3)
+        return x, np.repeat(about_y[None], len(wing.frames), axis=0)
+
+    def shown(self, values, x, rotations):
+        """Outputs that follow from a shape: positions x (n,3) m, `rotations` (r,3,3) of the frames or None."""
+        chains = self.chains(values)
+        tension = np.concatenate([tensions(x, c) for c in chains])
+        out = {
+            "position": x,
+            "displacement": self.interface.weights @ x - self.interface.nodes,
+            "tension": tension,
+            "slack_lines": np.count_nonzero((self.members.area > 0.0) & (tension <= 0.0)),
+        }
+        wing = self.members.wing
+        if wing is None:
+            return out
+        legs = [np.linalg.norm(np.diff(x[c.nodes], axis=1), axis=2).sum(axis=1) for c in chains]
+        load, strain = tube_state(x, rotations, self.beams(values)[0], wing.tubes.radius)
+        return out | {
+            "strain": np.concatenate([l / c.l0 - 1.0 for l, c in zip(legs, chains, strict=True)]),
+            "tube_load": load,
+            "tube_strain": strain,
+            "collapsed_tubes": np.count_nonzero(load >= 1.0),
+        }
+
+    def softened(self, chains, modulus):
+        """The chains with lines of at most this modulus Pa; None where that changes none."""
+        soft, start = [], 0
+        for group in chains:
+            area = self.members.area[start : start + len(group)]
+            start += len(group)
+            k = np.where(area > 0.0, np.minimum(group.k, modulus * area / group.l0), group.k)
+            soft.append(replace(group, k=k))
+        same = all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True))
+        return None if same else tuple(soft)

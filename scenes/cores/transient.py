@@ -1,0 +1,279 @@
+"""The structure of a scene in motion: loads in, displacements and velocities out, integrated step by step."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from aero.added_mass import wing_added_mass
+from interface import MIRROR, StepFailed
+from structural import Loads, equilibrium
+from structural.dynamics import SCHEMES, Balance, GeneralisedAlpha, Motion, State, integrate
+
+from ..tables import SceneError
+from .core import Result, Solver
+from .structural_variables import transient_variables
+from .structure import StructuralModel
+
+ENERGIES = {
+    "kinetic_energy": "kinetic", "elastic_energy": "elastic", "external_work": "work", "reeling_work": "reeled",
+    "dissipated_energy": "dissipated", "numerical_loss": "numerical_loss",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """All nodes in motion: positions `x` m, velocities `v` m/s and accelerations `a` m/s^2, (n,3) each, what a two-step
+    scheme keeps of the step before (`past`: its size s, positions and velocities then), the `loads` at the end of the
+    last step, and of each tape its rest length m then and the parameter m that it belonged to.
+    """
+
+    x: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    past: tuple[float, np.ndarray, np.ndarray] | None = None
+    loads: Loads | None = None
+    lengths: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """What happens over one communication step of `dt` s: `loads` go from those at its beginning to those at its end,
+    and so do the rest `lengths` m of tapes; `air` (n,3,3) kg is the inertia of the air, None without.
+    """
+
+    dt: float
+    loads: tuple[Loads, Loads]
+    lengths: dict[str, tuple[float, float]]
+    air: np.ndarray | None
+
+    def share(self, at):
+        """Part of the step that has passed at a time s since its beginning."""
+        return min(max(at / self.dt, 0.0), 1.0)
+
+    def lengths_at(self, at):
+        """Tape -> rest length m."""
+        s = self.share(at)
+        return {name: a + s * (b - a) for name, (a, b) in self.lengths.items()}
+
+    @property
+    def rates(self):
+        """Tape -> rate m/s of its rest length; None where none changes."""
+        if all(a == b for a, b in self.lengths.values()):
+            return None
+        return {name: (b - a) / self.dt for name, (a, b) in self.lengths.items()}
+
+
+class Transient(Solver):
+    """Particles of a scene under interface loads, gravity and reeling; a step integrates from t to t + dt s.
+
+    Within a step loads go linearly from those at the end of the step before to the present ones, and so do gravity and
+    the rest lengths of tapes and reels.
+    """
+
+    refuses_derivatives = "a structure in motion has no directional derivatives; use a scheme that needs none."
+
+    def __init__(self, scene):
+        if scene.members.wing is not None:
+            raise SceneError(f"{scene.name}/scene.toml: [dynamics] has no inertia of tubes yet; drop it or the tubes.")
+        self.name, self.model = scene.name, StructuralModel(scene)
+        self.variables = tuple(transient_variables(scene, self.model))
+        self._scheme = SCHEMES[scene.settings.get("integration", scene.content["dynamics"]["scheme"])]
+        self._density = scene.content["structure"]["line_density"]
+        self._require_masses(scene)
+
+    @staticmethod
+    def _require_masses(scene):
+        m = scene.members
+        bare = np.flatnonzero((m.mass <= 0.0) & ~m.fixed.all(axis=1))
+        if len(bare):
+            where = f"{scene.name}/{scene.content['structure']['nodes']}"
+            raise SceneError(
+                f"{where}: node '{m.labels[bare[0]]}' has no mass, and in dynamics every free node needs one; give its "
+                "lines a density or add it to the masses."
+            )
+
+    def begin(self, values):
+        """See Solver."""
+        x, _ = self.model.start(values)
+        state = Moving(x, np.zeros_like(x), np.zeros_like(x), lengths=self._lengths(values))
+        return Result(self._shown(values, state), state)
+
+    def _lengths(self, values):
+        return {name: (float(values[name]), float(values[name])) for name in self.model.tapes}
+
+    def follow(self, block, values, state, started):
+        """See Solver."""
+        if block == "trim_angle":
+            x, _ = self.model.start(values)
+            state = replace(state, x=x)
+        elif started:
+            return Result()
+        return Result(self._shown(values, state), state)
+
+    def must_step(self, values, state, t, dt):
+        """See Solver: time goes on."""
+        return True
+
+    def step(self, values, state, first, t, dt):
+        """Integrate over the communication step."""
+        if not 0.0 < dt < np.inf:
+            raise StepFailed(f"a step of {dt:g} s is none; time goes forward.")
+        if first:  # what was set before the first step is where it begins
+            state = replace(state, lengths=self._lengths(values))
+        lengths = self._reeled(values, state, t, dt)
+        now = self.model.loads(values, self._more_line({name: end for name, (_, end) in lengths.items()}))
+        vary = state.loads is not None and bool(values["loads_vary"])
+        air = self._air_mass(values, state.x)
+        if first and bool(values["start_in_equilibrium"]):
+            state = self._settled(values, state, now)
+        window = Window(dt, (state.loads if vary else now, now), lengths, air)
+        motion, symmetric = self._motion(values, state, window)
+        begin = self._restricted(motion, state)
+        if first or not vary:
+            begin = motion.again(begin)
+        result = integrate(
+            motion, begin, dt, self._integrator(values), float(values["longest_step"]),
+            atol=float(values["solver_tolerance"]), energy=self._balance(values, motion, begin),
+        )  # fmt: skip
+        if not result.finished:
+            why = result.message[0].lower() + result.message[1:]
+            raise StepFailed(f"the motion cannot be integrated beyond {t + result.state.t:.6g} s: {why}")
+        ended = {name: (lengths[name][1], float(values[name])) for name in self.model.tapes}
+        state = self._expanded(motion, result.state, now, ended)
+        return Result(self._outputs(values, state, result, air, symmetric), state)
+
+    def _integrator(self, values):
+        if self._scheme is GeneralisedAlpha:
+            return GeneralisedAlpha(float(values["spectral_radius"]))
+        return self._scheme()
+
+    def _reeled(self, values, state, t, dt):
+        """Tape -> rest lengths m at the beginning and at the end of the step."""
+        out = {}
+        for name, (length, parameter) in state.lengths.items():
+            end = length + float(values[name]) - parameter + dt * float(values[f"{name}_rate"])
+            if end <= 0.0:
+                raise StepFailed(
+                    f"the rest length of {name} would become {end:.4g} m at {t + dt:.6g} s; reel in slower, or stop "
+                    "before it is gone."
+                )
+            out[name] = length, end
+        return out
+
+    def _more_line(self, lengths):
+        """Change (n,) kg of the masses where tapes and reels have these lengths m; None where they weigh nothing."""
+        return self.model.tapes.mass(lengths, self._density) if lengths and self._density else None
+
+    def _motion(self, values, state, window):
+        """Equations of motion over the step, and whether one half is solved. Time counts from its beginning, so that
+        results do not depend on the rounding of times.
+        """
+        model, (before, now) = self.model, window.loads
+        own = model.mass(values)
+
+        def groups(at):
+            return model.with_chains(values, self._damped_chains(values, window, at))
+
+        def loads(at):
+            return before.between(now, window.share(at))
+
+        def mass(at):
+            more = self._more_line(window.lengths_at(at))
+            total = own if more is None else own + more
+            return total if window.air is None else total[:, None, None] * np.eye(3) + window.air
+
+        symmetric = model.symmetric(values, groups(0.0), (before, now), state.x) and self._mirrored(state.v)
+        steady = window.rates is None
+        given = (mass(0.0), now if before is now else loads, groups(0.0)) if steady else (mass, loads, groups)
+        try:
+            return Motion(model.assembly(symmetric), *given), symmetric
+        except ValueError as error:
+            raise StepFailed(str(error)) from None
+
+    def _damped_chains(self, values, window, at):
+        """The chains at a time s since the beginning of the step, with dampers and rates of their rest lengths."""
+        model = self.model
+        modulus = float(values["line_modulus"]) if "line_modulus" in values else None
+        line, span = model.members.area > 0.0, (float(values[f"{of}_damping_time"]) for of in ("line", "spring"))
+        time = np.where(line, *span)
+        rates = None if window.rates is None else model.tapes.spread(window.rates)
+        groups, first = [], 0
+        for group in model.tapes.chains(window.lengths_at(at), modulus):
+            rows = slice(first, first + len(group))
+            first = rows.stop
+            damping = time[rows] * group.k if np.any(time > 0.0) else None
+            groups.append(replace(group, c=damping, l0_rate=None if rates is None else rates[rows]))
+        return tuple(groups)
+
+    def _mirrored(self, v):
+        """Whether velocities (n,3) m/s are mirror-symmetric."""
+        return np.abs(v - v[self.model.mirror] * MIRROR).max() <= 1e-6 * (1.0 + np.abs(v).max())
+
+    def _air_mass(self, values, x):
+        """Inertia (n,3,3) kg of the air that the wing moves, in the shape x (n,3) m; None where there is none."""
+        coefficient = float(values.get("added_mass_coefficient", 0.0))
+        if coefficient == 0.0:
+            return None
+        i = self.model.interface
+        points = i.weights @ x
+        blocks = wing_added_mass(points, i.panels, i.sections, float(values["air_density"]), coefficient)
+        shares = abs(i.weights)
+        shares = shares.multiply(1.0 / shares.sum(axis=1)[:, None]).tocsr()
+        return (shares.T @ blocks.reshape(len(points), 9)).reshape(-1, 3, 3)
+
+    @staticmethod
+    def _restricted(motion, state):
+        """The state of all nodes as that of the unknowns."""
+        r, past = motion.unknowns.restrict, state.past
+        past = None if past is None else (past[0], r(past[1]), r(past[2]))
+        return State(0.0, r(state.x), r(state.v), r(state.a), past)
+
+    @staticmethod
+    def _expanded(motion, end, loads, lengths):
+        """The state of all nodes from that of the unknowns."""
+        u = motion.unknowns
+        past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.moves(end.past[2]))
+        return Moving(motion.positions(end.q), u.moves(end.v), u.moves(end.a), past, loads, lengths)
+
+    @staticmethod
+    def _balance(values, motion, begin):
+        """The balance of energies so far; the energies themselves are those at the beginning of the step."""
+        sums = {k: float(values[name]) for name, k in ENERGIES.items() if k not in ("kinetic", "elastic")}
+        return Balance(motion.kinetic_energy(begin), motion.elastic_energy(begin), **sums)
+
+    def _settled(self, values, state, loads):
+        """The state at rest in equilibrium under the loads."""
+        groups = self.model.groups(values)
+        symmetric = self.model.symmetric(values, groups, (loads,), state.x)
+        found = equilibrium(self.model.assembly(symmetric), loads, state.x, 1e-4, groups=groups)
+        if not found.converged:
+            raise StepFailed(
+                f"no equilibrium to start from: {found.residual:.3g} N out of balance after {found.iterations} Newton "
+                "iterations; set start_in_equilibrium = 0 to start from the shape of the tables."
+            )
+        rest = np.zeros_like(found.x)
+        return replace(state, x=found.x, v=rest, a=rest, past=None)
+
+    def _shown(self, values, state):
+        shown = self.model.shown(values, state.x, None)
+        return shown | {"velocity": self.model.interface.weights @ state.v}
+
+    def _outputs(self, values, state, result, air, symmetric):
+        out = self._shown(values, state)
+        out |= {name: getattr(result.balance, energy) for name, energy in ENERGIES.items()}
+        out |= {f"{name}_present": length for name, (length, _) in state.lengths.items()}
+        inertia = self._node_mass(values, state) @ state.a
+        if air is not None:
+            inertia = inertia + np.einsum("nij,nj->i", air, state.a)
+        force = self.model.external_force(state.loads, state.x)
+        return out | {
+            "support_force": force - inertia,  # what moves no node is held
+            "integration_steps": result.steps,
+            "newton_iterations": result.newton_iterations,
+            "symmetry_used": float(symmetric),
+        }
+
+    def _node_mass(self, values, state):
+        more = self._more_line({name: length for name, (length, _) in state.lengths.items()})
+        own = self.model.mass(values)
+        return own if more is None else own + more
