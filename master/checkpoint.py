@@ -13,14 +13,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from interface import StepFailed
 from master.acceleration import Scheme
 from master.acceleration.scheme import adopt
-from master.coupling import Coupling, Search
-from master.exchange import CoupledStepFailed, Exchange
+from master.exchange import Exchange
 from master.march import March
 from master.recovery import Warmth
+from master.steady import Search
 
-MAGIC = b"kitecosim checkpoint 1\n"
+MAGIC = b"kitecosim checkpoint 2\n"
 
 
 def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]) -> None:
@@ -104,19 +105,19 @@ def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
         for name, data in kept["states"].items():
             states[name] = exchange.participants[name].deserialised(data)
         exchange.put_back(states)
-    except CoupledStepFailed as error:
+    except StepFailed as error:
         raise ValueError(f"the checkpoint does not fit: {error}.") from error
     finally:
         exchange.freed(states)
 
 
-def of_search(coupling: Coupling, scheme: Scheme, search: Search, warmth: Warmth | None) -> dict[str, Any]:
+def of_search(coupling: Exchange, scheme: Scheme, search: Search, warmth: Warmth | None) -> dict[str, Any]:
     """Content of a checkpoint of a coupled solve; `warmth` None after its end."""
     best = None if warmth is None else {"states": serialised(coupling, warmth.states), "clock": warmth.clock}
     return {"search": search, "scheme": scheme, "participants": participants(coupling), "best": best}
 
 
-def search_of(coupling: Coupling, content: Mapping[str, Any]) -> Search:
+def search_of(coupling: Exchange, content: Mapping[str, Any]) -> Search:
     """Put the participants back to where a coupled solve stood; what `solve` continues from."""
     if "search" not in content:
         raise ValueError("the checkpoint is not of a coupled equilibrium.")

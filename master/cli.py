@@ -164,7 +164,11 @@ def compare(
     ] = "in-process",
     tolerance: ToleranceOption = 1e-5,
     force_tolerance: ForceToleranceOption = 0.01,
-    max_iterations: Annotated[int, typer.Option(help="Most coupling iterations of a cell.")] = 200,
+    max_iterations: Annotated[
+        int, typer.Option(help="Most coupling iterations of a cell, in motion of a communication step.")
+    ] = 200,
+    stop_time: Annotated[float | None, typer.Option(help="Scenes in motion: end of the run in s.")] = None,
+    step: Annotated[float | None, typer.Option(help="Scenes in motion: communication step in s.")] = None,
     repeat: Annotated[int, typer.Option(help="Solve each cell so often; wall times are those of the median.")] = 1,
     jobs: Annotated[
         int | None,
@@ -190,6 +194,8 @@ def compare(
         "tolerance": tolerance,
         "force_tolerance": force_tolerance,
         "max_iterations": max_iterations,
+        "stop_time": stop_time,
+        "step": step,
         "repeat": repeat,
         "jobs": jobs,
         "fresh": fresh,

@@ -3,6 +3,7 @@
 import contextlib
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,37 @@ from master.report import (
     write_state,
 )
 from master.report.live import progress
-from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, coupled_run, summary
+from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, Run, coupled_run, summary
 from master.schemes import SCHEMES, scheme
 from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, the
+    checkpoints, the texts `assigned` on the command line, and what a restart has `kept` besides.
+    """
+
+    scene: Any
+    given: dict[str, Any]
+    choices: dict[str, Any]
+    out: Path
+    files: restart.Files = restart.NO_FILES
+    assigned: dict[str, str] = field(default_factory=dict)
+    kept: list[str] = field(default_factory=list)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a checkpoint says of the run."""
+        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
+        return {**scene, "parameters": _plain(self.given), **self.choices}
+
+    @property
+    def remembered(self) -> list[str]:
+        """A remark on what a restart has from its checkpoint."""
+        return [f"as in the checkpoint: {', '.join(self.kept)}"] if self.kept else []
 
 
 def run_scene(
@@ -45,51 +72,62 @@ def run_scene(
 
     `motion` are stop_time s, step s and the path inputs for a scene in motion, None what it says itself.
     """
+    import scenes
+
     motion = {key: value for key, value in (motion or {}).items() if value is not None}
     _checked(choices)
-    if prepared(name, {}, trim=False)[0].moves:
-        from master.transient.command import run_moving
-
-        scene, given = prepared(name, assigned)
-        out = out or Path("results") / scene.name
-        results_folder(out)
-        sides = opened(scene, choices["backend"], given, out)
-        return run_moving(scene, given, choices, sides, out, files, live, **motion)
-    if motion:
-        option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
-        raise ValueError(f"{option} is for scenes in motion; scene '{name}' is one of equilibria.")
     begin = time.perf_counter()
     built, kept = assigned, []
     if files.restart is not None:
-        built = restart.remembered(files.restart, prepared(name, {})[0].name, choices["backend"], assigned)
+        built = restart.remembered(files.restart, scenes.load(name).name, choices["backend"], assigned)
         kept = [f"{key} = {built[key]}" for key in built if key not in assigned and key != "trim_angle"]
     scene, given = prepared(name, built)
+    if motion and not scene.moves:
+        option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
+        raise ValueError(f"{option} is for scenes in motion; scene '{name}' is one of equilibria.")
     out = out or Path("results") / scene.name
     results_folder(out)
+    job = Job(scene, given, choices, out, files, assigned, kept)
+    if scene.moves:
+        from master.transient.command import run_moving
+
+        return run_moving(job, opened(scene, choices["backend"], given, out), live, **motion)
+    return _run_equilibrium(job, live, begin)
+
+
+def _run_equilibrium(job: "Job", live: bool, begin: float) -> int:
+    """Run a scene of equilibria; the exit code."""
+    scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
     for name in RESULTS:  # so that what stands there is never of an earlier run
         (out / name).unlink(missing_ok=True)
     for side in ("structural", "aero"):
         (out / "fmus" / f"{scene.name}_{side}.fmu").unlink(missing_ok=True)
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
-    about = {"scene": scene.name, "scene_settings": scene.settings, "parameters": _plain(given), **choices}
     with pair(scene, choices["backend"], given, out) as coupling, progress(choices["tolerance"], live) as shown:
         ready = time.perf_counter()
         used = _scheme(choices, coupling)
         remarks: list[str] = []
         if files.restart is not None:
-            options["search"], remarks = restart.resumed(files.restart, coupling, used, about, assigned)
-            remarks += [f"as in the checkpoint: {', '.join(kept)}"] if kept else []
-        keeper = restart.Keeper(files.checkpoint, files.every, coupling, used, about)
+            options["search"], remarks = restart.resumed(files.restart, coupling, used, job.about, job.assigned)
+            remarks += job.remembered
+        keeper = restart.Keeper(files.checkpoint, files.every, coupling, used, job.about)
         run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=keeper, **options)
         if run.status in ("converged", "statically_unstable"):
             keeper.end(run.result)
     run.remarks.extend(remarks + _hints(scene, given, run))
+    _write(job, run, ready - begin)
+    return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
+
+
+def _write(job: "Job", run: Run, set_up: float) -> None:
+    """Print the table of a run and write its files; `set_up` s is what went before."""
+    scene, choices, out = job.scene, job.choices, job.out
     settings = {
         "scene": scene.name,
         **choices,
         "scene_settings": scene.settings,
-        "parameters_set": given,
+        "parameters_set": job.given,
         "parameters": {
             f"{label}.{block}": run.blocks[label][block]
             for label, causality in run.causality.items()
@@ -102,7 +140,7 @@ def run_scene(
     if wing is not None:
         content["wing"] = wing
     content["versions"] = versions()
-    content["wall_time_s"]["set_up"] = ready - begin
+    content["wall_time_s"]["set_up"] = set_up
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     write_history(out / "history.csv", run.result.history)
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
@@ -113,7 +151,6 @@ def run_scene(
     if choices["report"] and not lacking:
         written += write_report(out, scene, run, content)
     print_written(out, written, lacking)
-    return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 
 
 def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
@@ -202,7 +239,7 @@ def _plain(given: dict[str, Any]) -> dict[str, Any]:
     return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
-def prepared(name: str, assigned: dict[str, str], trim: bool = True) -> tuple[Any, dict[str, Any]]:
+def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
     """The scene with its settings, and its parameters: the assigned ones, checked, and the trim angle if it has one."""
     import scenes
 
@@ -223,7 +260,7 @@ def prepared(name: str, assigned: dict[str, str], trim: bool = True) -> tuple[An
         for core, _ in owners:
             core.set(key, value)
         parameters[key] = value
-    return scene, scene.with_trim(parameters) if trim else parameters
+    return scene, scene.with_trim(parameters)
 
 
 def _number(key: str, text: str, variable: Any) -> Any:

@@ -1,18 +1,20 @@
 """Structure and flow as one coupled map, and its solution: displacement to the flow, loads to the structure."""
 
 import contextlib
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from interface import StepFailed
 from master.acceleration import Scheme
+from master.convergence import Tolerance
 from master.exchange import Connection, CoupledStepFailed, Exchange, Order
-from master.fixed_point import fixed_point
+from master.fixed_point import FixedPointResult
 from master.participants import InProcessParticipant, Participant
-from master.recovery import Progress, Recovery, Warmth
+from master.recovery import Recovery, Warmth
+from master.steady import Goal, Search, Verdict, steady
 from master.still_air import StillAir
 
 # Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
@@ -22,7 +24,7 @@ LOOSEST, TIGHTEST, PER_METRE = 1e-4, 1e-8, 1e-2
 # about 1e-3 N, below the force tolerance.
 LOADS = 1e-6
 
-__all__ = ["CoupledResult", "CoupledStepFailed", "Coupling", "solve"]
+__all__ = ["CoupledResult", "CoupledStepFailed", "Coupling", "Equilibrium", "Search", "solve"]
 
 
 class Coupling(Exchange):
@@ -83,11 +85,6 @@ class Coupling(Exchange):
         structural = participant(cores["structural"])
         return cls(structural, participant(cores["aero"]) if "aero" in cores else StillAir.beside(structural))
 
-    def fixed(self) -> set[str]:
-        """Parameters that take a value only before the first step."""
-        limits = (getattr(p, "limits", {}) for p in (self.structural, self.aero))
-        return {name for both in limits for name, one in both.items() if one.variability == "fixed"}
-
     def set_tolerance(self, newtons: float) -> None:
         """Give the structure the tolerance that the coupling loop needs now, where it has one."""
         if "solver_tolerance" in self.structural.blocks:
@@ -136,21 +133,75 @@ class CoupledResult:
     recoveries: list[Recovery] = field(default_factory=list)
 
 
-@dataclass
-class Search:
-    """Where a coupled solve stands: what it needs, with the states of the participants, to go on.
+class Equilibrium(Goal):
+    """A coupled equilibrium: displacements that repeat within `atol` m, in `order` "parallel" loads within LOADS too,
+    and an out-of-balance force of at most `force_tolerance` N with the flow evaluated again.
 
-    `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given; `best` are the states of
-    the participants at the best point and their clock, once, after a checkpoint was read.
+    The structural tolerance follows the residual (`tie_tolerance`), within limits that keep quasi-Newton columns clean.
+    `progress(iteration, residual)` is called after every evaluation.
     """
 
-    order: Order
-    x: np.ndarray
-    tighter: float = 1.0
-    history: list[dict[str, float]] = field(default_factory=list)
-    recoveries: list[Recovery] = field(default_factory=list)
-    loop: Progress | None = None
-    best: tuple[dict[str, Any], tuple[float, int]] | None = None
+    def __init__(
+        self,
+        coupling: Coupling,
+        order: Order,
+        atol: float,
+        force_tolerance: float,
+        tie_tolerance: bool = True,
+        progress: Callable[[int, float], Any] | None = None,
+    ) -> None:
+        self._coupling, self._atol, self._force_tolerance = coupling, atol, force_tolerance
+        self._tie, self._progress = tie_tolerance, progress
+        self._fields = coupling.fields(order)
+        self.own = self._fields["structural.displacement"]
+        self.shape = tuple(coupling.structural.blocks["displacement"])
+
+    def begin(self) -> None:
+        """See Goal."""
+        if self._tie:
+            self._coupling.set_tolerance(LOOSEST)
+
+    def tolerances(self, tighter: float) -> tuple[Tolerance, Tolerance, Tolerance]:
+        """See Goal: metres for the displacement, parts of their size for loads."""
+        atol = {name: tighter * self._atol if f == self.own else 0.0 for name, f in self._fields.items()}
+        rtol = {name: 0.0 if f == self.own else tighter * LOADS for name, f in self._fields.items()}
+        return atol, rtol, 0.0
+
+    def observed(self, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray, search: Search) -> dict[str, float]:
+        """See Goal: the residual of the displacement, m, and all scalar outputs."""
+        norm = float(np.linalg.norm(r[self.own]))
+        row = {"residual_m": norm}
+        with contextlib.suppress(ValueError, RuntimeError):  # of a solver that has ended
+            row |= self._coupling.scalars()
+        if self._tie and np.isfinite(norm):
+            self._coupling.set_tolerance(min(LOOSEST, max(TIGHTEST, PER_METRE * norm)))
+        if self._progress is not None:
+            self._progress(len(search.history) + 1, norm)
+        return row
+
+    def verdict(self, found: FixedPointResult, search: Search, max_iterations: int) -> Verdict:
+        """See Goal: the residual is the out-of-balance force N."""
+        shown = found.x_tilde[self.own].reshape(self.shape)
+        count, status, message = len(search.history), str(found.status), found.message
+        if status == "max_iterations":
+            message = f"Not converged within {count} coupling iterations."
+        if not np.all(np.isfinite(shown)):
+            return Verdict(status, message)
+        if self._tie:
+            self._coupling.set_tolerance(TIGHTEST)
+        force, failed = _imbalance(self._coupling, shown, search)
+        if failed and status == "converged":
+            status, message = "diverged", f"{failed}."
+        if status != "converged" or force <= self._force_tolerance:
+            return Verdict(status, message, force)
+        if count >= max_iterations:
+            message = f"residual_N is {force:.3g} N after {count} coupling iterations."
+            return Verdict("max_iterations", message, force)
+        tighter = min(0.1, 0.5 * self._force_tolerance / force)
+        if search.tighter * tighter * self._atol < np.finfo(float).eps * np.linalg.norm(shown):
+            message = f"residual_N stays at {force:.3g} N: rounding or the solver_tolerance leaves no smaller one."
+            return Verdict("stalled", message, force)
+        return Verdict(status, message, force, tighter)
 
 
 def _imbalance(coupling: Coupling, shown: np.ndarray, search: Search) -> tuple[float, str]:
@@ -164,7 +215,7 @@ def _imbalance(coupling: Coupling, shown: np.ndarray, search: Search) -> tuple[f
             if np.isfinite(force):
                 return force, ""
             reason = "At the reported shape the out-of-balance force is not a finite number"
-        except (CoupledStepFailed, ValueError, RuntimeError) as error:
+        except (StepFailed, ValueError, RuntimeError) as error:
             reason = f"At the reported shape {str(error).rstrip('.')}"
     return float("nan"), reason
 
@@ -186,102 +237,25 @@ def solve(
     Converged means ||x_tilde - x||_2 <= `atol` m over all interface entries and an out-of-balance force of at most
     `force_tolerance` N with the flow evaluated again at the reported shape; where the first does not bring the second,
     `atol` is tightened. In `order` "parallel" both solvers step at once, and loads have to repeat within 1e-6 too.
-    The structural tolerance follows the residual (`tie_tolerance`), within limits that keep quasi-Newton columns clean.
-    `progress(iteration, residual)` is called after every coupling iteration, `hold(search, warmth)` before it, with
-    what a checkpoint needs; `search` from one continues there.
+    `tie_tolerance` and `progress` see `Equilibrium`, `search` and `hold` see `master.steady.steady`.
 
     An evaluation that fails, for whatever reason, puts both solvers back to the best point and is tried again (see
     `fixed_point`).
     """
-    begin = time.perf_counter()
-    before = dict(coupling.seconds)
-    fields = coupling.fields(order)
-    shape = tuple(coupling.structural.blocks["displacement"])
-    own = fields["structural.displacement"]
-    if search is None:
-        search = Search(order, coupling.present(order))
-        if tie_tolerance:
-            coupling.set_tolerance(LOOSEST)
-    history = search.history
-
-    def record(k: int, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray) -> None:
-        norm = float(np.linalg.norm(r[own]))
-        row = {"iteration": float(len(history) + 1), "residual_m": norm}
-        with contextlib.suppress(ValueError, RuntimeError):  # of a solver that has ended
-            row |= coupling.scalars()
-        if len(history) > 0:  # what the update that led here used
-            row |= getattr(scheme, "record", {})
-        history.append(row)
-        if tie_tolerance and np.isfinite(norm):
-            coupling.set_tolerance(min(LOOSEST, max(TIGHTEST, PER_METRE * norm)))
-        if progress is not None:
-            progress(len(history), norm)
-
-    residual_N = float("nan")
-    while True:
-        done = len(history) if search.loop is None else len(history) - search.loop.evaluations
-        try:
-            warmth = Warmth(coupling, search.best)
-        except CoupledStepFailed as error:
-            raise RuntimeError(f"{error}.") from error
-        loop, search.loop, search.best = search.loop, None, None
-        now = search  # for the closure
-
-        def held(p: Progress, warmth: Warmth = warmth, now: Search = now) -> None:
-            if hold is not None:
-                now.loop = p
-                hold(now, warmth)
-
-        try:
-            result = fixed_point(
-                lambda x: coupling.evaluate(x, order),
-                search.x,
-                scheme,
-                atol={name: search.tighter * atol if f == own else 0.0 for name, f in fields.items()},
-                rtol={name: 0.0 if f == own else search.tighter * LOADS for name, f in fields.items()},
-                max_iterations=max(1, max_iterations - done),  # 0: a restart with fewer than were made
-                fields=fields,
-                callback=record,
-                anchor=warmth,
-                hold=held,
-                progress=loop,
-            )
-        finally:
-            warmth.close()
-        search.loop = None
-        search.recoveries += result.recoveries
-        shown = result.x_tilde[own].reshape(shape)
-        status, message = result.status, result.message
-        if status == "max_iterations":
-            message = f"Not converged within {len(history)} coupling iterations."
-        if not np.all(np.isfinite(shown)):
-            residual_N = float("nan")
-            break
-        if tie_tolerance:
-            coupling.set_tolerance(TIGHTEST)
-        residual_N, failed = _imbalance(coupling, shown, search)
-        if failed and status == "converged":
-            status, message = "diverged", f"{failed}."
-        if status != "converged" or residual_N <= force_tolerance:
-            break
-        if len(history) >= max_iterations:
-            status = "max_iterations"
-            message = f"residual_N is {residual_N:.3g} N after {len(history)} coupling iterations."
-            break
-        search.x = result.x_tilde
-        search.tighter *= min(0.1, 0.5 * force_tolerance / residual_N)
-        if search.tighter * atol < np.finfo(float).eps * np.linalg.norm(shown):
-            status = "stalled"
-            message = f"residual_N stays at {residual_N:.3g} N: rounding or the solver_tolerance leaves no smaller one."
-            break
-    seconds = {k: coupling.seconds[k] - before[k] for k in before}
-    seconds["total"] = time.perf_counter() - begin
+    goal = Equilibrium(coupling, order, atol, force_tolerance, tie_tolerance, progress)
+    try:
+        run = steady(coupling, scheme, goal, order, max_iterations, search=search, hold=hold)
+    except StepFailed as error:  # of a solver that cannot save its state
+        raise RuntimeError(f"{error}.") from error
+    found = run.found
+    shown = found.x_tilde[goal.own].reshape(goal.shape)
     if not np.all(np.isfinite(shown)):
-        shown = result.x[own].reshape(shape)
+        shown = found.x[goal.own].reshape(goal.shape)
         with contextlib.suppress(ValueError, RuntimeError):
             present = coupling.structural.get("displacement")
             shown = present if np.all(np.isfinite(present)) else shown
-    residual = float(result.field_residual_norms["structural.displacement"][-1])
+    residual = float(found.field_residual_norms["structural.displacement"][-1])
+    history = run.history
     return CoupledResult(
-        shown, status, message, len(history), residual, residual_N, history, seconds, search.recoveries
+        shown, run.status, run.message, len(history), residual, run.residual, history, run.seconds, run.recoveries
     )

@@ -13,15 +13,15 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from master.participants import Participant, StepFailed
+from interface import StepFailed
+from master.participants import Participant
 
 Order = Literal["serial", "parallel"]
 ORDERS: tuple[Order, ...] = get_args(Order)
 Interpolation = Literal["linear", "constant"]
 
 
-class CoupledStepFailed(ArithmeticError):
-    """A participant refused its step; the loop recovers, or ends as diverged and keeps its history."""
+CoupledStepFailed = StepFailed  # its name in releases up to 0.1
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Exchange:
                     f"connection {c}: {c.target}.{c.input} has a source already, {taken[c.target, c.input]}."
                 )
             taken[c.target, c.input] = c
-        if not self.connections:
+        if not self.connections and len(self.participants) > 1:
             raise ValueError("there are no connections; name at least one.")
 
     def _shape(self, c: Connection) -> tuple[int, ...]:
@@ -156,7 +156,7 @@ class Exchange:
     def evaluate(self, x: np.ndarray, order: Order = "serial") -> np.ndarray:
         """One communication step of all participants with x (unknowns,): what they send back then.
 
-        CoupledStepFailed, with the participant and its reason, if one refuses or raises anything.
+        StepFailed, with the participant and its reason, if one refuses or raises anything.
         """
         fields = self._fields[order]
         self.evaluations += 1
@@ -229,13 +229,35 @@ class Exchange:
         except Exception as error:
             plain = isinstance(error, StepFailed | ValueError | RuntimeError) and str(error)
             reason = str(error).rstrip(".") if plain else f"{type(error).__name__}: {error}".rstrip(".: ")
-            raise CoupledStepFailed(f"{self.described(name)} {failed}: {reason}") from error
+            raise StepFailed(f"{self.described(name)} {failed}: {reason}") from error
         finally:
             self.seconds[name] += time.perf_counter() - start
 
     def described(self, name: str) -> str:
         """What messages call a participant."""
         return f"participant {name}"
+
+    def fixed(self) -> set[str]:
+        """Parameters of the participants that take a value only before the first step."""
+        limits = (getattr(p, "limits", {}) for p in self.participants.values())
+        return {name for each in limits for name, one in each.items() if one.variability == "fixed"}
+
+    def without_rollback(self) -> list[str]:
+        """The participants with a memory that cannot be put back to repeat a communication step."""
+        return [
+            name
+            for name, participant in self.participants.items()
+            if name not in self.memoryless and not getattr(participant, "saves_state", True)
+        ]
+
+    def require_rollback(self) -> None:
+        """ValueError in one sentence if a communication step cannot be repeated."""
+        for name in self.without_rollback():
+            raise ValueError(
+                f"{self.described(name)} cannot save and restore its state (canGetAndSetFMUstate is false), so a "
+                "communication step cannot be repeated: use the explicit scheme, or declare the participant memoryless "
+                "if its outputs depend on its present inputs and the time only."
+            )
 
     # States: of the beginning of a communication step (`open`, `rewind`, `accept`), or all (`saved`)
 
@@ -257,7 +279,7 @@ class Exchange:
         return states
 
     def put_back(self, states: Mapping[str, Any]) -> None:
-        """Return the participants to `states`; CoupledStepFailed if one cannot."""
+        """Return the participants to `states`; StepFailed if one cannot."""
         for name, state in states.items():
             with self.booked(name, "could not be put back"):
                 self.participants[name].restore(state)

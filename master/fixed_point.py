@@ -80,73 +80,37 @@ def fixed_point(
     needs to go on from there; given back as `progress`, with the scheme as it was then, the loop continues bitwise as
     it would have.
     """
-    if isinstance(max_iterations, bool) or int(max_iterations) != max_iterations or max_iterations < 1:
-        raise ValueError(f"max_iterations must be a whole number >= 1, got {max_iterations}.")
-    if not growth_limit > 1.0 or stall_window < 0 or recoveries < 0:
-        raise ValueError("growth_limit must be above 1, stall_window and recoveries not negative.")
+    _require(max_iterations, growth_limit, stall_window, recoveries)
     x0 = np.array(x0, dtype=float)
     if not np.all(np.isfinite(x0)) or (x0.size == 0 and fields is None):
         raise ValueError("x0 must have at least one entry and all its entries must be finite.")
     names, parts = partition(fields, x0.size)
     shape = x0.shape
-    if progress is None:
+    p = progress
+    if p is None:
         p = Progress(x0.ravel(), Test(names, atol, rtol, residual_rtol))
         scheme.begin(parts)
-    else:
-        p = progress
     loop = Loop(p, scheme, recoveries, anchor)
-    status: Status = "max_iterations"
-    message = f"Not converged within {max_iterations} evaluations of G."
-    while True:
+    ended: tuple[Status, str] | None = None
+    while ended is None:
         if hold is not None:
             hold(p)
         k, x = p.evaluations + 1, p.x
         x_tilde, failure = _evaluate(G, x.reshape(shape), k)
         with np.errstate(all="ignore"):
             r = x_tilde - x
-            r_f = np.array([norm(r[f]) for f in parts])
-            size_f = np.array([norm(x_tilde[f]) for f in parts])
+            norms = np.array([(norm(r[f]), norm(x_tilde[f])) for f in parts]).reshape(-1, 2)
             p.residual_norms.append(norm(r))
-        p.field_norms.append(r_f)
+        p.field_norms.append(norms[:, 0])
         if callback is not None:
             callback(k, x.reshape(shape).copy(), x_tilde.reshape(shape).copy(), r.reshape(shape).copy())
-        if failure or not (np.all(np.isfinite(r_f)) and np.all(np.isfinite(size_f))):
-            failure = failure or f"G returned values that are not finite at evaluation {k}."
-            if k < max_iterations and loop.retreat(failure):
-                continue
-            status, message = "diverged", failure
-            break
-        measure = p.test.measure(r_f, size_f)
-        if p.test.converged:
-            status, message = "converged", f"Converged in {k} evaluations of G."
-            break
-        if p.test.improved or p.best is None:
-            failure = loop.mark(x, r)
-            if failure:
-                status, message = "diverged", f"After evaluation {k} {failure}."
-                break
-        if measure > growth_limit * p.test.first:
-            failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
-            if k < max_iterations and loop.begin_anew(failure):
-                continue
-            status, message = "diverged", failure
-            break
-        if stall_window and p.test.stalled(int(stall_window)):
-            grows = p.test.grows(int(stall_window))
-            failure = (
-                f"The residual has {'grown' if grows else 'not fallen'} over the last {stall_window} evaluations of G."
-            )
-            if k < max_iterations and not p.stalls and loop.begin_anew(failure):
-                p.stalls += 1
-                continue
-            status, message = "diverged" if grows else "stalled", failure
-            break
-        if k >= max_iterations:
-            break
-        failure = loop.advance(x, r)
+        if not failure and not np.all(np.isfinite(norms)):
+            failure = f"G returned values that are not finite at evaluation {k}."
         if failure:
-            status, message = "diverged", f"After evaluation {k} {failure}."
-            break
+            ended = None if k < max_iterations and loop.retreat(failure) else ("diverged", failure)
+        else:
+            ended = _judged(loop, x, r, norms, max_iterations, growth_limit, int(stall_window))
+    status, message = ended
     scheme.end(status, x, r)
     return FixedPointResult(
         x=x.reshape(shape),
@@ -158,6 +122,51 @@ def fixed_point(
         message=message,
         recoveries=tuple(p.recoveries),
     )
+
+
+def _require(max_iterations: int, growth_limit: float, stall_window: int, recoveries: int) -> None:
+    if isinstance(max_iterations, bool) or int(max_iterations) != max_iterations or max_iterations < 1:
+        raise ValueError(f"max_iterations must be a whole number >= 1, got {max_iterations}.")
+    if not growth_limit > 1.0 or stall_window < 0 or recoveries < 0:
+        raise ValueError("growth_limit must be above 1, stall_window and recoveries not negative.")
+
+
+def _judged(
+    loop: Loop,
+    x: np.ndarray,
+    r: np.ndarray,
+    norms: np.ndarray,
+    max_iterations: int,
+    growth_limit: float,
+    stall_window: int,
+) -> tuple[Status, str] | None:
+    """How the loop ends after an evaluation with finite `norms` (fields, 2) of r and x_tilde, None if it goes on."""
+    p, test = loop.progress, loop.progress.test
+    k = p.evaluations
+    measure = test.measure(norms[:, 0], norms[:, 1])
+    if test.converged:
+        return "converged", f"Converged in {k} evaluations of G."
+    if test.improved or p.best is None:
+        failure = loop.mark(x, r)
+        if failure:
+            return "diverged", f"After evaluation {k} {failure}."
+    more = k < max_iterations
+    if measure > growth_limit * test.first:
+        failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
+        return None if more and loop.begin_anew(failure) else ("diverged", failure)
+    if stall_window and test.stalled(stall_window):
+        grows = test.grows(stall_window)
+        failure = (
+            f"The residual has {'grown' if grows else 'not fallen'} over the last {stall_window} evaluations of G."
+        )
+        if more and not p.stalls and loop.begin_anew(failure):
+            p.stalls += 1
+            return None
+        return "diverged" if grows else "stalled", failure
+    if not more:
+        return "max_iterations", f"Not converged within {max_iterations} evaluations of G."
+    failure = loop.advance(x, r)
+    return ("diverged", f"After evaluation {k} {failure}.") if failure else None
 
 
 def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> tuple[np.ndarray, str]:

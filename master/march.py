@@ -1,4 +1,4 @@
-"""The time loop: communication step by communication step, each a fixed point of the exchange."""
+"""The transient driver: communication step by communication step, each a fixed point of the exchange."""
 
 import contextlib
 from array import array
@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from interface import StepFailed
 from master.acceleration import ConstantRelaxation, NewtonKrylov, Scheme
 from master.convergence import Tolerance
-from master.exchange import CoupledStepFailed, Exchange, Order
+from master.exchange import Exchange, Order
 from master.fixed_point import FixedPointResult, fixed_point
 from master.predictor import Predictor
 from master.recovery import Recovery, Warmth
@@ -137,7 +138,7 @@ def march(
     if not exchange.rollback:
         raise ValueError("the exchange goes on in time with every evaluation; make it with rollback = True.")
     if scheme is not None:
-        require_rollback(exchange)
+        exchange.require_rollback()
     if not (np.isfinite(stop_time) and stop_time >= exchange.time):
         raise ValueError(f"the stop time {stop_time:g} s must not lie before the start, {exchange.time:g} s.")
     now = begun or March.beginning(exchange, order, predictor)
@@ -159,7 +160,7 @@ def march(
         for _ in range(count):
             try:
                 exchange.open(order)
-            except CoupledStepFailed as error:
+            except StepFailed as error:
                 if status == "converged":
                     status = "diverged"
                     message = f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}."
@@ -172,7 +173,7 @@ def march(
                 status = ended
                 message = f"Communication step {len(now.steps)}, to {exchange.end:g} s: {found.message}"
             if ended not in GOOD and (strict or not np.all(np.isfinite(found.x_tilde))):
-                with contextlib.suppress(CoupledStepFailed):  # of a participant that has ended
+                with contextlib.suppress(StepFailed):  # of a participant that has ended
                     exchange.rewind()
                 break
             now.x = found.x_tilde
@@ -185,25 +186,6 @@ def march(
     finally:
         exchange.abandon()
     return MarchResult(status, message, exchange.time, now.x, now.steps, exchange.evaluations, dict(exchange.seconds))
-
-
-def without_rollback(exchange: Exchange) -> list[str]:
-    """The participants with a memory that cannot be put back to repeat a communication step."""
-    return [
-        name
-        for name, participant in exchange.participants.items()
-        if name not in exchange.memoryless and not getattr(participant, "saves_state", True)
-    ]
-
-
-def require_rollback(exchange: Exchange) -> None:
-    """ValueError in one sentence if a communication step cannot be repeated."""
-    for name in without_rollback(exchange):
-        raise ValueError(
-            f"{exchange.described(name)} cannot save and restore its state (canGetAndSetFMUstate is false), so a "
-            "communication step cannot be repeated: use the explicit scheme, or declare the participant memoryless "
-            "if its outputs depend on its present inputs and the time only."
-        )
 
 
 def _implicit_step(
@@ -239,7 +221,7 @@ def _implicit_step(
 
 def _explicit_step(exchange: Exchange, now: March, order: Order, recoveries: int) -> tuple[str, FixedPointResult]:
     """One exchange, repeated as it was if it fails and all participants can be put back."""
-    if without_rollback(exchange):
+    if exchange.without_rollback():
         recoveries = 0
     found = _solved(
         exchange,

@@ -10,8 +10,11 @@ from master import checkpoint
 from master.acceleration import Scheme
 from master.acceleration.scheme import adopt
 from master.blocks import assignment_text
-from master.coupling import CoupledResult, Coupling, Search
+from master.coupling import CoupledResult, Coupling
+from master.exchange import Exchange
+from master.march import March
 from master.recovery import Warmth
+from master.steady import Search
 
 
 @dataclass(frozen=True)
@@ -81,8 +84,76 @@ class Keeper:
             checkpoint.write(self._path, about, checkpoint.of_search(self._coupling, self._scheme, ended, None))
 
 
+class StepKeeper:
+    """Writes the checkpoints of a run through time: every so many communication steps, and at its end."""
+
+    def __init__(self, files: Files, stop_time: float, about: Mapping[str, Any]) -> None:
+        self._files, self._stop, self._about = files, stop_time, about
+
+    def __call__(self, exchange: Exchange, scheme: Scheme | None, march: March) -> None:
+        """After a communication step."""
+        last = exchange.time > self._stop - 0.5 * exchange.dt
+        if self._files.checkpoint is not None and (last or len(march.steps) % self._files.every == 0):
+            about = {**self._about, "time": exchange.time, "steps": len(march.steps)}
+            checkpoint.write(self._files.checkpoint, about, checkpoint.of_march(exchange, scheme, march))
+
+
 # What may change without ending the loop under way: it only says how long to go on and what to do afterwards.
 HARMLESS = ("max_iterations", "stability", "report")
+
+
+def _changed(
+    path: Path, was: Mapping[str, Any], now: Mapping[str, Any], chosen: Mapping[str, Any], exchange: Exchange
+) -> list[str]:
+    """The `chosen` parameters that are others than in a checkpoint; ValueError in one sentence for one of another scene
+    or with other settings of it, and for a fixed parameter that shall change.
+    """
+    _require_same(path, was, scene=now["scene"])
+    for name, value in now["scene_settings"].items():
+        if was["scene_settings"].get(name) != value:
+            raise ValueError(
+                f"checkpoint {path} has {name} = {was['scene_settings'].get(name)}, this run {value}; a setting of the "
+                "scene cannot change in a restart."
+            )
+    given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
+    for name in given:
+        if name in exchange.fixed():
+            raise ValueError(f"{name} is fixed once a run has begun; leave it out in a restart.")
+    return given
+
+
+def _give(exchange: Exchange, now: Mapping[str, Any], names: list[str]) -> None:
+    """Set parameters of these names in all participants that have them."""
+    for name in names:
+        for participant in exchange.participants.values():
+            if participant.causality.get(name) == "parameter":
+                participant.set(name, now["parameters"][name])
+
+
+def resumed_march(
+    path: Path, exchange: Exchange, scheme: Scheme | None, about: Mapping[str, Any], chosen: Mapping[str, Any]
+) -> tuple[March, str]:
+    """Where a run through time goes on from a checkpoint, and a remark on what is different now.
+
+    With the settings as they were it goes on bitwise as if it had not stopped; scheme, tolerances, stop time and
+    tunable parameters among the `chosen` may be others. ValueError as for `resumed`.
+    """
+    was, content = checkpoint.read(path)
+    now = json.loads(json.dumps(dict(about), default=str))
+    given = _changed(path, was, now, chosen, exchange)
+    try:
+        begun = checkpoint.march_of(exchange, content, scheme)
+        begun.require_fields(exchange, about["order"])
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    _give(exchange, now, given)
+    changed = [k for k in ("scheme", "tolerance", "communication_step") if now.get(k) != was.get(k)]
+    remark = f"went on from {path.name} at {was['time']:g} s"
+    for key in changed:
+        remark += f", {key} {was.get(key)} -> {now[key]}"
+    for name in given:
+        remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
+    return begun, remark
 
 
 def resumed(
@@ -97,18 +168,8 @@ def resumed(
     shall change.
     """
     was, content = checkpoint.read(path)
-    _require_same(path, was, scene=about["scene"])
     now = json.loads(json.dumps(dict(about), default=str))
-    for name, value in now["scene_settings"].items():
-        if was["scene_settings"].get(name) != value:
-            raise ValueError(
-                f"checkpoint {path} has {name} = {was['scene_settings'].get(name)}, this run {value}; a setting of the "
-                "scene cannot change in a restart."
-            )
-    given = [k for k in chosen if k in now["parameters"] and now["parameters"][k] != was["parameters"].get(k)]
-    for name in given:
-        if name in coupling.fixed():
-            raise ValueError(f"{name} is fixed once a run has begun; leave it out in a restart.")
+    given = _changed(path, was, now, chosen, coupling)
     try:
         search = checkpoint.search_of(coupling, content)
     except ValueError as error:
@@ -120,10 +181,7 @@ def resumed(
         return search, [remark]
     if search.best is not None:
         coupling.freed(search.best[0])
-    for name in given:
-        for participant in (coupling.structural, coupling.aero):
-            if participant.causality.get(name) == "parameter":
-                participant.set(name, now["parameters"][name])
+    _give(coupling, now, given)
     for key in changed:
         remark += f", {key} {was.get(key)} -> {now[key]}"
     for name in given:

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("interface", "structural", "aero", "scenes", "fmus", "master")
 COMMAND_LINE = ("master.cli", "master.commands", "master.building", "master.__main__")
-LONGEST_FUNCTION = 90  # lines of its body; a module is as long as its subject
+LONGEST_FUNCTION = 60  # lines of its body; a module is as long as its subject
 STANDARD_LIBRARY = sys.stdlib_module_names | {"__future__"}
 
 # What a room may import of the other rooms, anywhere in a module.

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = ("structural", "aero", "scenes", "fmus", "master", "pyproject.toml", "README.md", "LICENSE")
+SOURCES = ("interface", "structural", "aero", "scenes", "fmus", "master", "pyproject.toml", "README.md", "LICENSE")
 
 
 def finished(*command, **options):

@@ -31,6 +31,8 @@ def compare(
     tolerance: float = 1e-5,
     force_tolerance: float = 0.01,
     max_iterations: int = 200,
+    stop_time: float | None = None,
+    step: float | None = None,
     repeat: int = 1,
     jobs: int | None = None,
     out: str | Path | None = None,
@@ -45,7 +47,8 @@ def compare(
     names of settings and parameters of the scenes to a value, `sweep` to several; a scene's name in front keeps them to
     that scene. All combinations are solved, in each of the `orders` of exchange ("serial", "parallel"). `tolerance` m,
     `force_tolerance` N and `max_iterations` are those of `master.coupling.solve`; wall times are of the solve with the
-    median one of `repeat`.
+    median one of `repeat`. Scenes in motion go to `stop_time` s in communication steps of `step` s (None: their own),
+    each step solved to `tolerance` m in `max_iterations` at most.
 
     `jobs` worker processes with one BLAS thread each (None: one a core) solve the cells. They start Python anew and
     load the calling script, so the call must stand below `if __name__ == "__main__":`. With `jobs=0` all is solved in
@@ -74,9 +77,9 @@ def compare(
     if empty := next((k for k, values in [*listed.items(), *swept.items()] if not len(values)), None):
         raise ValueError(f"{empty} has no values; give at least one.")
     ordered = [orders] if isinstance(orders, str) else list(orders)
-    cells = grid(
-        paths, names, listed, {k: assignment_text(v) for k, v in (settings or {}).items()}, swept, ordered, options
-    )
+    assigned = {k: assignment_text(v) for k, v in (settings or {}).items()}
+    motion = {"stop_time": stop_time, "step": step}
+    cells = grid(paths, names, listed, assigned, swept, ordered, options, motion)
     store = None
     if out is not None:
         results_folder(Path(out))

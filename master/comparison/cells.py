@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from master.commands import pair, prepared
+from master.commands import opened, pair, prepared
 from master.comparison.grid import Cell
 from master.coupling import CoupledResult, Coupling, solve
 from master.participants import Participant
 from master.schemes import SCHEMES, scheme
+from master.transient.simulation import Simulation, simulate
 
 OUTPUTS = ("CL", "CD", "tip_span")  # outputs of the flow that tell one equilibrium from another
 HISTORIES = {
@@ -20,6 +21,7 @@ HISTORIES = {
     "newton_history_structural": "structural.newton_iterations",
     "newton_history_aero": "aero.newton_iterations",
 }
+STEPS = "evaluations_history"  # evaluations of each communication step of a scene in motion
 RECORDS = ("omega", "columns", "filtered", "products")  # what a scheme may say of an update
 _WARM: set[str] = set()  # folders of scenes that this process has solved
 
@@ -69,6 +71,10 @@ def _warm(cell: Cell, scene: Any, given: dict[str, Any]) -> None:
     """Two coupling iterations of a scene that this process has not met: what loads at first use is no scheme's time."""
     if cell.folder not in _WARM:
         _WARM.add(cell.folder)
+        if cell.step is not None:
+            with opened(scene, "in-process", given, Path()) as sides:
+                simulate(sides, 2.0 * cell.step, cell.step)
+            return
         solve(Coupling.in_process(scene, given), scheme("relaxation"), max_iterations=2)
 
 
@@ -79,6 +85,8 @@ def crashed(reason: str) -> dict[str, Any]:
 
 def _solve(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple[dict[str, Any], dict[str, float]]:
     """What one solve found and, apart, what it took."""
+    if cell.step is not None:
+        return _simulate(cell, scene, given, folder)
     with pair(scene, cell.backend, given, folder) as coupling:
         coupling.structural, coupling.aero = Counted(coupling.structural), Counted(coupling.aero)
         coupling.participants = {"aero": coupling.aero, "structural": coupling.structural}
@@ -104,8 +112,44 @@ def _solve(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple
     return found, {**{k: seconds[k] for k in ("total", "structural", "aero")}, "master": master}
 
 
+def _simulate(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple[dict[str, Any], dict[str, float]]:
+    """What one run through time found and, apart, what it took."""
+    if SCHEMES[cell.scheme].exact:
+        return {"status": "unavailable", "message": f"{cell.scheme} takes derivatives of equilibria."}, {}
+    assert cell.stop_time is not None
+    assert cell.step is not None
+    order: Any = cell.order
+    with opened(scene, cell.backend, given, folder) as sides:
+        counted: dict[str, Any] = {side: Counted(participant) for side, participant in sides.items()}
+        begin = time.perf_counter()
+        run = simulate(
+            counted, cell.stop_time, cell.step, cell.scheme, order, cell.tolerance, cell.max_iterations,
+            **cell.parameters,
+        )  # fmt: skip
+        total = time.perf_counter() - begin
+        found = _moved(run, counted)
+    found["settings"] = {"scene": dict(scene.settings), **found["settings"]}
+    apart = {side: float(run.seconds.get(side, 0.0)) for side in ("structural", "aero")}
+    return found, {"total": total, **apart, "master": total - sum(apart.values())}
+
+
+def _moved(run: Simulation, sides: dict[str, Any]) -> dict[str, Any]:
+    status, message = run.status, run.message
+    if run.finished:
+        status, message = "converged", f"All {len(run.steps)} communication steps converged."
+    return {
+        "status": status,
+        "message": message,
+        "coupling_iterations": run.evaluations,
+        "communication_steps": len(run.steps),
+        "recoveries": sum(run.steps.recoveries),
+        "histories": {STEPS: list(run.steps.iterations)},
+        "displacement": np.ravel(sides["structural"].get("displacement")).tolist(),
+        **_of_sides(sides),
+    }
+
+
 def _row(coupling: Coupling, result: CoupledResult) -> dict[str, Any]:
-    sides: dict[str, Any] = {"structural": coupling.structural, "aero": coupling.aero}
     history = result.history
     row: dict[str, Any] = {
         "status": result.status,
@@ -113,17 +157,24 @@ def _row(coupling: Coupling, result: CoupledResult) -> dict[str, Any]:
         "coupling_iterations": result.iterations,
         "residual_m": result.residual,
         "residual_N": result.residual_N,
-        "calls": {side: participant.calls for side, participant in sides.items()},
-        "failures": sum(participant.failures for participant in sides.values()),
         "recoveries": len(result.recoveries),
-        "outputs": {name: float(coupling.aero.get(name)) for name in OUTPUTS if name in coupling.aero.blocks},
         "histories": {name: [row.get(column) for row in history] for name, column in HISTORIES.items()},
         "displacement": np.ravel(result.displacement).tolist(),
     }
     for name in RECORDS:
         row["histories"][f"{name}_history"] = [h.get(name) for h in history]  # of the update that led there
-    row["settings"] = {
-        side: {b: participant.get(b).tolist() for b, c in participant.causality.items() if c == "parameter"}
-        for side, participant in sides.items()
+    return row | _of_sides({"structural": coupling.structural, "aero": coupling.aero})
+
+
+def _of_sides(sides: dict[str, Any]) -> dict[str, Any]:
+    """What is known of the participants: calls, failures, outputs of the flow, parameters."""
+    aero = sides.get("aero")
+    return {
+        "calls": {side: participant.calls for side, participant in sides.items()},
+        "failures": sum(participant.failures for participant in sides.values()),
+        "outputs": {} if aero is None else {name: float(aero.get(name)) for name in OUTPUTS if name in aero.blocks},
+        "settings": {
+            side: {b: participant.get(b).tolist() for b, c in participant.causality.items() if c == "parameter"}
+            for side, participant in sides.items()
+        },
     }
-    return row

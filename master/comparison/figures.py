@@ -29,7 +29,11 @@ def comparison_figures(rows: Rows) -> dict[str, "Figure"]:
     ran = [row for row in rows if row["coupling_iterations"] is not None]
     if not ran:
         return {}
-    figures = {"residuals": residual_figure(ran), "iterations": iteration_figure(rows)}
+    steady, in_time = ([row for row in ran if row[key]] for key in ("residual_history_m", "evaluations_history"))
+    figures = {"residuals": residual_figure(steady)} if steady else {}
+    figures["iterations"] = iteration_figure(rows)
+    if in_time:
+        figures["steps"] = step_figure(in_time)
     moving = [row for row in ran if len({v for v in row["omega_history"] if v is not None}) > 1]
     if moving:
         figures["omega"] = omega_figure(moving)
@@ -65,6 +69,21 @@ def residual_figure(rows: Rows) -> "Figure":
             "interface residual, m",
             panel,
         )
+
+
+def step_figure(rows: Rows) -> "Figure":
+    """Coupling iterations of each communication step of scenes in motion."""
+    with style():
+
+        def panel(axes: "Axes", mine: Rows, others: Rows, looks: dict[str, Any]) -> None:
+            for row in others:
+                axes.plot(*_line(row, "evaluations_history"), color="0.8", lw=0.8)
+            for row in mine:
+                _drawn(axes, row, "evaluations_history", looks[row["label"]])
+            axes.set_ylim(bottom=0.0)
+
+        title = "Coupling iterations of each communication step, and how many each scheme took in all"
+        return _panels(rows, title, "coupling iterations", panel, "evaluations_history", "communication step")
 
 
 def omega_figure(rows: Rows) -> "Figure":
@@ -118,7 +137,8 @@ def _bars(axes: "Axes", members: Rows, most: int) -> None:
         if good:
             look: dict[str, Any] = {"color": DARK if count == least else MIDDLE}
             other = row["equilibrium"] > 1
-            note = f"{count}" + (f", another equilibrium ({row['equilibrium']})" if other else "")
+            word = "another equilibrium" if row["communication_steps"] is None else "another end"
+            note = f"{count}" + (f", {word} ({row['equilibrium']})" if other else "")
             look |= {"fc": "white", "ec": DARK, "hatch": "...."} if other else {}
             look.pop("color" if other else "", None)
         else:
@@ -133,15 +153,20 @@ def _bars(axes: "Axes", members: Rows, most: int) -> None:
     axes.tick_params(axis="y", length=0.0)
 
 
-def _panels(rows: Rows, title: str, y_label: str, draw: Any) -> "Figure":
-    """A panel a case with its legend beside, or rows of panels, a case each, with a column a scheme."""
+def _panels(
+    rows: Rows, title: str, y_label: str, draw: Any, key: str = "omega_history", x_label: str = "coupling iteration"
+) -> "Figure":
+    """A panel a case with its legend beside, or rows of panels, a case each, with a column a scheme.
+
+    The x axis has room for the history `key` of all rows.
+    """
     groups = cases(rows)
     if max(map(len, groups.values())) <= MOST_IN_ONE:
-        return _one_each(groups, title, y_label, draw)
-    return _by_scheme(groups, title, y_label, draw)
+        return _one_each(groups, title, (x_label, y_label), draw, key)
+    return _by_scheme(groups, title, (x_label, y_label), draw, key)
 
 
-def _one_each(groups: Mapping[str, Rows], title: str, y_label: str, draw: Any) -> "Figure":
+def _one_each(groups: Mapping[str, Rows], title: str, labels: tuple[str, str], draw: Any, key: str) -> "Figure":
     looks = _looks(list(dict.fromkeys(row["label"] for rows in groups.values() for row in rows)))
     total = TOP + len(groups) * (HEIGHT + GAP) - GAP + BOTTOM + 0.15
     figure = new_figure(total, title)
@@ -150,15 +175,15 @@ def _one_each(groups: Mapping[str, Rows], title: str, y_label: str, draw: Any) -
         axes = axes_at(figure, LEFT, at, WIDTH - LEFT - RIGHT, HEIGHT)
         axes.set_title(case, loc="left", pad=3.0)
         draw(axes, rows, [], looks)
-        _finish(axes, rows)
-        axes.set_ylabel(y_label)
+        _finish(axes, rows, key)
+        axes.set_ylabel(labels[1])
         axes.yaxis.set_label_coords(-0.5 / (WIDTH - LEFT - RIGHT), 0.5)
         _legend(axes, rows, looks, RIGHT - 0.55, loc="upper left", bbox_to_anchor=(1.01, 1.04))
-    axes.set_xlabel("coupling iteration")
+    axes.set_xlabel(labels[0])
     return figure
 
 
-def _by_scheme(groups: Mapping[str, Rows], title: str, y_label: str, draw: Any) -> "Figure":
+def _by_scheme(groups: Mapping[str, Rows], title: str, labels: tuple[str, str], draw: Any, key: str) -> "Figure":
     """Small multiples; the other schemes of the case are grey behind the lines of one."""
     schemes = list(dict.fromkeys(row["scheme"] for rows in groups.values() for row in rows))
     looks: dict[str, Any] = {}
@@ -188,24 +213,24 @@ def _by_scheme(groups: Mapping[str, Rows], title: str, y_label: str, draw: Any) 
                 mine = [row for row in rows if row["scheme"] == scheme]
                 axes.set_title(scheme, loc="left", pad=3.0)
                 draw(axes, mine, [row for row in rows if row["scheme"] != scheme], looks)
-                _finish(axes, rows)
+                _finish(axes, rows, key)
                 axes.tick_params(labelleft=column == 0)
                 if column == 0:
-                    axes.set_ylabel(y_label)
+                    axes.set_ylabel(labels[1])
                     axes.yaxis.set_label_coords(-0.55 / width, 0.5)
-                axes.set_xlabel("coupling iteration", labelpad=1.0)
+                axes.set_xlabel(labels[0], labelpad=1.0)
                 place = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.38 / SMALL)}
                 _legend(axes, mine, looks, room, True, **place)
             top -= height
     return figure
 
 
-def _finish(axes: "Axes", rows: Rows) -> None:
+def _finish(axes: "Axes", rows: Rows, key: str) -> None:
     from matplotlib.ticker import MaxNLocator
 
     axes.grid(True)
     axes.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1, steps=[1, 2, 5, 10]))
-    most = max(row["coupling_iterations"] for row in rows)
+    most = max(len(row[key]) for row in rows)
     axes.set_xlim(1.0 - 0.02 * most, most + 0.02 * most + 0.5)
 
 

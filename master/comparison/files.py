@@ -14,6 +14,7 @@ FIGURES = {
     "iterations it took (* to another equilibrium)",
     "iterations": "Coupling iterations of each scheme, dark where they are fewest. Hatched red bars are solves that "
     "did not converge, with the iteration at which they ended; dotted ones have found another equilibrium",
+    "steps": "Coupling iterations of each communication step of scenes in motion; beside each scheme all of them",
     "omega": "Relaxation factors over the coupling iterations, where a scheme has them and they change",
 }
 FILES = (

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from master.comparison.cells import HISTORIES, OUTPUTS, RECORDS
+from master.comparison.cells import HISTORIES, OUTPUTS, RECORDS, STEPS
 from master.comparison.grid import Cell
 
 # Displacements that differ by more than this share of their norm are two equilibria (converged solves of one differ by
@@ -31,7 +31,7 @@ def _equilibria(found: dict[int, dict[str, Any]], tolerance: float) -> dict[int,
     The distance is ||d - d_1|| / ||d_1|| with d_1 the displacement of the cell with the least residual of number 1.
     """
     converged = [i for i, row in found.items() if row["status"] == "converged"]
-    ranked = sorted(converged, key=lambda i: (found[i]["residual_N"], i))
+    ranked = sorted(converged, key=lambda i: (found[i].get("residual_N", 0.0), i))
     displacement = {i: np.array(found[i]["displacement"]) for i in converged}
     groups: list[list[int]] = []
     for i in ranked:
@@ -69,6 +69,7 @@ def _flat(cell: Cell, row: dict[str, Any]) -> dict[str, Any]:
         "equilibrium": None,
         "displacement_difference": None,
         "coupling_iterations": row.get("coupling_iterations"),
+        "communication_steps": row.get("communication_steps"),
         "calls_structural": calls.get("structural"),
         "calls_aero": calls.get("aero"),
         "newton_structural": _total(histories.get("newton_history_structural")),
@@ -83,8 +84,8 @@ def _flat(cell: Cell, row: dict[str, Any]) -> dict[str, Any]:
         "filtered": _total(histories.get("filtered_history")),
         "products": _total(histories.get("products_history")),
     }
-    flat |= {name: histories.get(name, []) for name in (*HISTORIES, *(f"{r}_history" for r in RECORDS))}
-    options = ("tolerance", "force_tolerance", "max_iterations", "repeat")
+    flat |= {name: histories.get(name, []) for name in (*HISTORIES, *(f"{r}_history" for r in RECORDS), STEPS)}
+    options = ("tolerance", "force_tolerance", "max_iterations", "stop_time", "step", "repeat")
     flat |= {name: getattr(cell, name) for name in options}
     flat |= {f"scheme.{name}": value for name, value in cell.parameters.items()}
     flat |= {f"given.{name}": value for name, value in cell.assigned.items()}

@@ -15,9 +15,11 @@ from master.commands import BACKENDS, prepared
 from master.exchange import ORDERS
 from master.report.tables import versions
 from master.schemes import SCHEMES, defaults
+from master.transient.command import motion_times
+from master.transient.simulation import PARAMETERS
 
 # What a change of the code must not leave unnoticed; report and comparison only show the numbers.
-_NUMBERS = {"structural": "**/*.py", "aero": "**/*.py", "scenes": "*.py", "fmus": "*.py", "master": "**/*.py"}
+_NUMBERS = dict.fromkeys(("interface", "structural", "aero", "scenes", "master"), "**/*.py") | {"fmus": "*.py"}
 _SHOWN = ("report", "comparison", "cli.py")
 
 
@@ -26,7 +28,8 @@ class Cell:
     """One entry of a comparison, complete: what it solves, with which scheme, to which tolerances.
 
     `folder` is the scene's folder, `assigned` its settings and parameters that differ from the scene's own, as texts,
-    `parameters` all parameters of the scheme. `case` and `label` name scene and scheme in tables. `digest` stands for
+    `parameters` all parameters of the scheme. A scene in motion goes to `stop_time` s in steps of `step` s, others
+    have neither. `case` and `label` name scene and scheme in tables. `digest` stands for
     the contents of the folder and of the code, `versions` for the packages.
     """
 
@@ -43,6 +46,8 @@ class Cell:
     force_tolerance: float
     max_iterations: int
     repeat: int
+    stop_time: float | None
+    step: float | None
     digest: str
     versions: dict[str, str] = field(repr=False)
 
@@ -61,6 +66,7 @@ def grid(
     sweep: Mapping[str, Sequence[str]],
     orders: Sequence[str],
     options: Mapping[str, Any],
+    motion: Mapping[str, float | None],
 ) -> list[Cell]:
     """All cells in the order of the scenes, their settings, the schemes, their parameters, the orders of exchange.
 
@@ -71,21 +77,19 @@ def grid(
     variants = _variants(schemes, parameters)
     cases = _cases(scenes, assigned, sweep)
     found, code = versions(), _code_digest()
+    if not any(scene.moves for scene, _, _ in cases) and any(value is not None for value in motion.values()):
+        raise ValueError("--stop-time and --step are for scenes in motion, and none is compared; leave them out.")
     cells = []
     for scene, given, case in cases:
-        if scene.moves:
-            raise ValueError(
-                f"scene '{scene.name}' is one of motion, which compare does not take; run it with every scheme "
-                "(kitecosim run --scheme), or compare scenes of equilibria."
-            )
+        stop, step = motion_times(scene, **motion) if scene.moves else (None, None)
         digest = f"{_digest(scene.folder, ['**/*'])}-{code}"
         for (name, chosen, label), order in itertools.product(variants, orders):
             shown = label if order == ORDERS[0] else f"{label} {order}"
-            used = {**defaults(name, order), **chosen}
+            used = {**defaults(name, order), **(PARAMETERS.get(name, {}) if scene.moves else {}), **chosen}
             cells.append(
                 Cell(
                     scene.name, str(scene.folder), given, case, name, used, shown, order,
-                    digest=digest, versions=found, **options,
+                    stop_time=stop, step=step, digest=digest, versions=found, **options,
                 )
             )  # fmt: skip
     twice = {cell.key for cell in cells}

@@ -18,7 +18,7 @@ from master.comparison.tables import (
 from master.report.html import html
 from master.report.page import cell
 
-OPTIONS = ("backend", "tolerance", "force_tolerance", "max_iterations", "repeat")
+OPTIONS = ("backend", "tolerance", "force_tolerance", "max_iterations", "stop_time", "step", "repeat")
 
 
 def page(rows: Sequence[dict[str, Any]], figures: Mapping[str, tuple[str, bytes]]) -> str:
@@ -55,7 +55,10 @@ def finding(members: Sequence[dict[str, Any]]) -> str:
     names = ", ".join(best[:3]) + (f" and {len(best) - 3} more" if len(best) > 3 else "")
     text = f"{len(good)} of {len(members)} converged; fewest coupling iterations: {least} ({names})."
     others = [f"{row['label']}: {equilibrium(row)}" for row in good if row["equilibrium"] > 1]
-    return text + (f" Another equilibrium was found by {'; '.join(others)}." if others else "")
+    what = (
+        "Another equilibrium was found by" if good[0]["communication_steps"] is None else "Another end was reached by"
+    )
+    return text + (f" {what} {'; '.join(others)}." if others else "")
 
 
 def _row(row: dict[str, Any], keys: Sequence[str]) -> dict[str, Any]:

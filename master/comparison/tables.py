@@ -9,6 +9,7 @@ STATUS = {"max_iterations": "not converged", "statically_unstable": "unstable"} 
 HEADER = {
     "label": "scheme",
     "status": "status",
+    "communication_steps": "steps",
     "coupling_iterations": "iterations",
     "calls": "solver calls",
     "newton": "Newton iterations",
@@ -21,6 +22,7 @@ HEADER = {
 }
 WORDS = ("label", "status", "equilibrium")  # columns that are no numbers
 LEGEND = {
+    "steps": "communication steps of a scene in motion",
     "iterations": "coupling iterations, each one call of both solvers",
     "solver calls": "structure / flow, those that test the result included",
     "Newton iterations": "of all calls, structure / flow",
@@ -59,6 +61,7 @@ def texts(row: dict[str, Any]) -> dict[str, str]:
     return {
         "label": row["label"],
         "status": status(row),
+        "communication_steps": _number(row["communication_steps"], "d"),
         "coupling_iterations": _number(row["coupling_iterations"], "d"),
         "calls": _both(row["calls_structural"], row["calls_aero"]),
         "newton": _both(row["newton_structural"], row["newton_aero"]),

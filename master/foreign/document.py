@@ -10,7 +10,6 @@ from master.exchange import Connection, Exchange
 from master.foreign.entries import Table, nearest, toml_content
 from master.foreign.mapping import Described, Naming
 from master.foreign.settings import Settings, settings_in
-from master.march import require_rollback
 from master.schemes import scheme
 
 WALL_TIMES = ("total", "set_up", "master")  # beside the names of the participants
@@ -71,7 +70,7 @@ class Document:
         try:
             exchange = document.exchange(described)
             if settings.mode == "transient" and settings.scheme != "explicit":
-                require_rollback(exchange)
+                exchange.require_rollback()
             scheme(settings.scheme, exchange, settings.order, **settings.parameters)
             fields = list(exchange.fields(settings.order))
             if fields or settings.mode == "transient":

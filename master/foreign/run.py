@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from interface import StepFailed
 from master import checkpoint
-from master.exchange import CoupledStepFailed, Exchange
-from master.fixed_point import FixedPointResult, fixed_point
+from master.exchange import Exchange
+from master.fixed_point import FixedPointResult
 from master.foreign.document import Document
 from master.foreign.mapping import MappedParticipant
-from master.march import STATUSES, March, MarchResult, Steps, march, without_rollback
-from master.recovery import Warmth
+from master.march import STATUSES, March, MarchResult, Steps, march
 from master.restart import NO_FILES, Files
 from master.schemes import scheme
+from master.steady import Goal, Search, steady
 
 # Told after every communication step (steady: evaluation): its number, the time s, the residual norm, the blocks that
 # are recorded by name.
@@ -121,7 +122,7 @@ class Run:
         """ValueError in one sentence where a run cannot be kept in a file."""
         if self.document.settings.mode == "steady":
             raise ValueError("checkpoints are of runs through time; a steady run is one fixed point.")
-        for name in without_rollback(self.exchange):
+        for name in self.exchange.without_rollback():
             raise ValueError(f"{self.exchange.described(name)} cannot save its state, so there are no checkpoints.")
         divided = any(count > 1 for count in self.exchange.substeps.values())
         for name, participant in self.exchange.participants.items():
@@ -188,42 +189,25 @@ class Run:
         )
 
     def _steady(self) -> MarchResult:
-        """One fixed point, every evaluation a step in pseudo-time; nothing is put back unless an evaluation failed."""
+        """One fixed point, every evaluation a step in pseudo-time."""
         s, exchange, steps = self.document.settings, self.exchange, self.now.steps
-        anchor = None
-
-        def evaluated(k: int, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray) -> None:
-            norm = float(np.linalg.norm(r))
-            steps.append(exchange.time, "max_iterations", 1, norm, 0)
-            if np.isfinite(norm):
-                self._follow(norm)
-
+        used = scheme(s.scheme, exchange, s.order, **s.parameters)
         try:
-            anchor = None if without_rollback(exchange) else Warmth(exchange)
-            found = fixed_point(
-                lambda x: exchange.evaluate(x, s.order),
-                self.now.x,
-                scheme(s.scheme, self.exchange, s.order, **s.parameters),
-                s.atol,
-                s.rtol,
-                s.residual_rtol,
-                s.max_iterations,
-                exchange.fields(s.order),
-                callback=evaluated,
-                recoveries=0 if anchor is None else s.recoveries,
-                anchor=anchor,
-            )
-        except CoupledStepFailed as error:  # a participant that could not save its state
+            ended = steady(exchange, used, _Evaluations(self), s.order, s.max_iterations, s.recoveries)
+        except StepFailed as error:  # a participant that could not save its state
             status, message = "diverged", f"The run cannot go on: {error}"
         else:
-            self.now.x, status, message = found.x_tilde, found.status, found.message
-            _judge(steps, found)
-        finally:
-            if anchor is not None:
-                anchor.close()
+            self.now.x, status, message = ended.found.x_tilde, ended.status, ended.message
+            _judge(steps, ended.found)
         return MarchResult(
             status, message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
         )
+
+    def evaluated(self, residual: float) -> None:
+        """Book an evaluation of a steady run."""
+        self.now.steps.append(self.exchange.time, "max_iterations", 1, residual, 0)
+        if np.isfinite(residual):
+            self._follow(residual)
 
     def _follow(self, residual: float) -> None:
         self.number += 1
@@ -234,6 +218,20 @@ class Run:
         self.values = {f"{name}.{block}": participants[name].get(block) for name, block in self.document.record}
         for follower in self.followers:
             follower(self.number, self.exchange.time, residual, self.values)
+
+
+class _Evaluations(Goal):
+    """The tolerances of a document; every evaluation is booked as a step."""
+
+    def __init__(self, run: Run) -> None:
+        s = run.document.settings
+        super().__init__(s.atol, s.rtol, s.residual_rtol)
+        self._run = run
+
+    def observed(self, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray, search: Search) -> dict[str, float]:
+        """See Goal."""
+        self._run.evaluated(float(np.linalg.norm(r)))
+        return super().observed(x, x_tilde, r, search)
 
 
 def _judge(steps: Steps, found: FixedPointResult) -> None:

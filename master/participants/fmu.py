@@ -20,8 +20,8 @@ from fmpy import calloc, extract, free, platform, read_model_description
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
+from interface import StepFailed
 from master.blocks import Blocks, Channel, described_limits, grouped
-from master.participants.protocol import StepFailed
 
 # fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
 # lives for ever, and finds the participant by the environment pointer that FMI hands through.

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from interface import StepFailed
 from master.blocks import Blocks, Limits
-from master.participants.protocol import StepFailed
 
 
 class InProcessParticipant(Blocks):
@@ -33,6 +33,8 @@ class InProcessParticipant(Blocks):
         """See Participant."""
         try:
             self._core.step(t, dt)
+        except StepFailed:
+            raise
         except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
             raise StepFailed(str(error)) from error
 

@@ -6,10 +6,6 @@ from typing import Any, Protocol
 import numpy as np
 
 
-class StepFailed(RuntimeError):
-    """A participant refused a step; the message says why. Its state may be restored and the step tried again."""
-
-
 class Participant(Protocol):
     """A solver that exchanges named blocks of values and advances step by step.
 

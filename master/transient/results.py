@@ -51,7 +51,7 @@ def summary(
         "evaluations": run.evaluations,
         "evaluations_per_step": {"mean": float(n.mean()) if len(n) else None, "max": int(n.max()) if len(n) else None},
         "messages": [{"step": number, "message": sentence} for number, sentence in steps.messages],
-        "real_time_factor": run.time / seconds["total"] if seconds["total"] > 0.0 else None,
+        "real_time_factor": (run.time - run.start) / seconds["total"] if seconds["total"] > 0.0 else None,
         "wall_time_s": {**seconds, **apart, "master": seconds["total"] - sum(apart.values())},
         "outputs": outputs,
         "settings": settings,

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from master.acceleration import Scheme
 from master.exchange import Connection, Exchange, Order
 from master.fixed_point import FixedPointResult
-from master.march import GOOD, MarchResult, Steps, march
+from master.march import GOOD, March, MarchResult, Steps, march
 from master.participants import Participant
 from master.schemes import SCHEMES, scheme
 from master.transient.inputs import Inputs
@@ -25,16 +26,21 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "iqn-imvj": {"omega0": 1.0},
 }
 Follower = Callable[[float, "Simulation"], object]
+# Told after every communication step with all that a checkpoint needs; and what a run goes on from, if anything.
+Holder = Callable[[Exchange, Scheme | None, March], object]
+Begun = Callable[[Exchange, Scheme | None], March]
 
 
 @dataclass(eq=False)
 class Simulation:
-    """A run under way or at its end: `time` s reached, "status" and `message` as of `master.march.MarchResult`, the
-    `steps`, evaluations of the coupled step, `seconds` of each participant, and present values: `blocks`.
+    """A run under way or at its end: `time` s reached, from the `start` s on; "status" and `message` as of
+    `master.march.MarchResult`, the `steps`, evaluations of the coupled step, `seconds` of each participant, and present
+    values: `blocks`.
     """
 
     participants: dict[str, Participant]
     time: float = 0.0
+    start: float = 0.0
     status: str = "converged"
     message: str = ""
     steps: Steps = field(default_factory=Steps)
@@ -83,6 +89,8 @@ def simulate(
     max_iterations: int = 50,
     inputs: Inputs | None = None,
     follower: Follower | None = None,
+    hold: Holder | None = None,
+    begun: Begun | None = None,
     **parameters: Any,
 ) -> Simulation:
     """Step a structure in motion and the flow around it from 0 to `stop_time` s in communication steps of `step` s.
@@ -90,30 +98,27 @@ def simulate(
     `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
     once; its loads act all through the step (the structure's loads_vary is set to 0). The others repeat a step until
     the motion changes by no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` go
-    through time; `follower(time, simulation)` is called at the start and after every step. ValueError in one sentence
-    for bad input; a step that cannot be solved ends the run with its status.
+    through time; `follower(time, simulation)` is called at the start and after every step.
+
+    `hold(exchange, scheme, march)` follows every step with what a checkpoint needs; `begun(exchange, scheme)` puts the
+    participants back to where a run stood, and gives what it continues from. ValueError in one sentence for bad input;
+    a step that cannot be solved ends the run with its status.
     """
     run = Simulation({side: participants[side] for side in (FLOW, STRUCTURE) if side in participants})
-    structure = run.participants[STRUCTURE]
-    explicit = scheme_name == "explicit"
-    if "loads_vary" in structure.blocks:
-        structure.set("loads_vary", np.array(0.0 if explicit else 1.0))
     if inputs is not None:
         inputs.require(run.participants)
-        inputs.apply(run.participants, step)
-    if FLOW not in run.participants:
-        return _alone(run, structure, stop_time, step, inputs, follower)
-    flow = run.participants[FLOW]
-    for block in MOTION:
-        if flow.causality.get(block) == "input" and block in structure.blocks:
-            flow.set(block, structure.get(block))
-    exchange = exchange_of(run.participants, step)
-    if scheme_name in SCHEMES and SCHEMES[scheme_name].exact:
-        raise ValueError(f"scheme {scheme_name} takes derivatives of equilibria; choose another for a scene in motion.")
-    chosen = PARAMETERS.get(scheme_name, {}) | parameters
-    used = None if explicit else scheme(scheme_name, exchange, order, **chosen)
+    exchange, used = exchange_of(run.participants, step), None
+    if scheme_name != "explicit" and FLOW in run.participants:
+        used = _scheme(scheme_name, exchange, order, parameters)
+    now = None if begun is None else begun(exchange, used)
+    if now is not None:
+        run.steps = now.steps
+    run.time = run.start = exchange.time
+    _begin(run, scheme_name, now is None)
+    if inputs is not None:
+        inputs.apply(run.participants, exchange.end)
     if follower is not None:
-        follower(0.0, run)
+        follower(exchange.time, run)
 
     def accepted(time: float, found: FixedPointResult) -> None:
         run.time = time
@@ -123,42 +128,32 @@ def simulate(
         if follower is not None:
             follower(time, run)
 
-    def hold(now: Any) -> None:
-        run.steps = now.steps
+    def held(march: March) -> None:
+        run.steps = march.steps
+        if hold is not None:
+            hold(exchange, used, march)
 
+    explicit = scheme_name == "explicit"
     result: MarchResult = march(
         exchange, used, stop_time, order, atol=1.0 if explicit else tolerances(exchange, order, tolerance), rtol=0.0,
-        max_iterations=max_iterations, callback=accepted, hold=hold,
+        max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
     )  # fmt: skip
     run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
     run.evaluations, run.seconds = result.evaluations, result.seconds
     return run
 
 
-def _alone(
-    run: Simulation, structure: Participant, stop: float, step: float, inputs: Inputs | None, follower: Follower | None
-) -> Simulation:
-    """A structure without a flow."""
-    import time as clock
+def _scheme(name: str, exchange: Exchange, order: Order, parameters: dict[str, Any]) -> Scheme:
+    if name in SCHEMES and SCHEMES[name].exact:
+        raise ValueError(f"scheme {name} takes derivatives of equilibria; choose another for a scene in motion.")
+    return scheme(name, exchange, order, **(PARAMETERS.get(name, {}) | parameters))
 
-    count = round(stop / step)
-    if abs(count * step - stop) > 1e-6 * step:
-        raise ValueError(f"from 0 s to {stop:g} s is no whole number of steps of {step:g} s.")
-    run.message = f"All {count} communication steps were made."
-    begin = clock.perf_counter()
-    if follower is not None:
-        follower(0.0, run)
-    for k in range(count):
-        try:
-            structure.step(k * step, step)
-        except ArithmeticError as error:
-            run.status, run.message = "diverged", f"Communication step {k + 1}, from {k * step:g} s: {error}"
-            break
-        run.time, run.evaluations = (k + 1) * step, k + 1
-        run.steps.append(run.time, "converged", 1, 0.0, 0)
-        if inputs is not None:
-            inputs.apply(run.participants, run.time + step)
-        if follower is not None:
-            follower(run.time, run)
-    run.seconds = {STRUCTURE: clock.perf_counter() - begin}
-    return run
+
+def _begin(run: Simulation, scheme_name: str, at_start: bool) -> None:
+    """Let loads act as the scheme needs it and, at the start, the flow know where the structure is."""
+    structure, flow = run.participants[STRUCTURE], run.participants.get(FLOW)
+    if "loads_vary" in structure.blocks:
+        structure.set("loads_vary", np.array(0.0 if scheme_name == "explicit" else 1.0))
+    for block in MOTION:
+        if at_start and flow is not None and flow.causality.get(block) == "input" and block in structure.blocks:
+            flow.set(block, structure.get(block))

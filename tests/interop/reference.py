@@ -59,6 +59,7 @@ def trajectory(order, steps=STEPS, tune=None):
         aero.set("displacement", structural.get("displacement"))
 
     def load():
+        aero.look()  # before the first step: the loads on the wing as it starts
         for name in LOADS:
             structural.set(name, aero.get(name))
 

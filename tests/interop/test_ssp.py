@@ -59,6 +59,7 @@ def loop(begin, steps=STEPS, **parameters):
                 core.set(name, np.array(parameters.get(name, value)))
 
     def exchange():
+        aero.look()  # before the first step: the loads on the wing as it starts
         loads = {name: aero.get(name) for name in LOADS}
         aero.set("displacement", structural.get("displacement"))
         for name, values in loads.items():

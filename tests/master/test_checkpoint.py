@@ -37,7 +37,7 @@ ROOT = Path(master.__file__).parents[1]
         (lambda raw: checkpoint.MAGIC + b"{}\n", "damaged"),
         (lambda raw: checkpoint.MAGIC + b"\xff\xfe\n", "damaged"),
         (lambda raw: b"PK\x03\x04" + raw, "not a checkpoint"),
-        (lambda raw: raw.replace(b"checkpoint 1", b"checkpoint 2", 1), "not a checkpoint"),
+        (lambda raw: raw.replace(b"checkpoint 2", b"checkpoint 1", 1), "not a checkpoint"),
     ],
 )
 def test_damaged_and_foreign_files_are_refused_in_one_sentence(spoil, says, tmp_path):

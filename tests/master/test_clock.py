@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from master import IQNILS, checkpoint
-from master.coupling import Coupling, Search
+from master.coupling import Coupling
 from master.exchange import Connection, Exchange
 from master.march import march
 from master.recovery import Warmth
+from master.steady import Search
 from tests.master.toys import Mass, Spring
 
 

@@ -100,7 +100,7 @@ def test_other_equilibrium_is_told_from_the_one_that_most_have_found():
 
 
 def test_equilibria_of_one_displacement_or_none():
-    cells = grid(["typical_section"], ["explicit", "aitken", "iqn-ils"], {}, {}, {}, ["serial"], OPTIONS)
+    cells = grid(["typical_section"], ["explicit", "aitken", "iqn-ils"], {}, {}, {}, ["serial"], OPTIONS, {})
 
     def told(*displacements):
         found = [

@@ -8,10 +8,13 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.particle_coupled import coupled, with_added_mass
-from benchmarks.particle_kite import flown
+from benchmarks.particle_kite import flown as kite_flown
+from master import compare
 from master.cli import app
 from master.commands import opened
+from master.participants import InProcessParticipant
 from master.transient import simulate
+from master.transient.inputs import Inputs
 from scenes import load
 
 
@@ -48,7 +51,7 @@ def test_implicit_coupling_cures_it(scheme):
 
 
 def test_the_kite_flies_on_in_gusts():
-    run, rows, _ = flown(200)  # 4 s, a slice of the ten thousand steps of `make stress`
+    run, rows, _ = kite_flown(200)  # 4 s, a slice of the ten thousand steps of `make stress`
     assert run.finished
     alpha, force, span = np.rad2deg(rows[50:, 1]), rows[50:, 2], rows[50:, 3]
     assert 4.0 < alpha.min() < alpha.max() < 9.0  # deg; 7.2 in equilibrium, less in a gust
@@ -63,7 +66,7 @@ def test_motion_settles_on_the_equilibrium_of_the_static_scene():
     from master import IQNILS
 
     solve(static, IQNILS())
-    _, rows, _ = flown(1000, parameters={"gust_speed": 0.0, "spring_damping_time": 0.05})
+    _, rows, _ = kite_flown(1000, parameters={"gust_speed": 0.0, "spring_damping_time": 0.05})
     alpha = float(static.aero.get("alpha_mid"))
     # a mode of 3 s that the air damps slowly is left with some hundredths of a degree after 20 s
     assert np.rad2deg(rows[-150:, 1].mean()) == pytest.approx(np.rad2deg(alpha), abs=0.05)
@@ -71,7 +74,7 @@ def test_motion_settles_on_the_equilibrium_of_the_static_scene():
 
 
 def test_a_steered_kite_moves_sideways():
-    _, rows, _ = flown(200, parameters={"gust_speed": 0.0}, tape=("steering_tape_left_length", 0.1))
+    _, rows, _ = kite_flown(200, parameters={"gust_speed": 0.0}, tape=("steering_tape_left_length", 0.1))
     assert np.abs(rows[:99, 4]).max() < 1e-9  # m, before
     assert np.abs(rows[-1, 4]) > 0.01
 
@@ -142,7 +145,8 @@ def test_inputs_that_cannot_be_are_one_sentence_and_nothing_is_written(text, wor
         (["tether_in_wind", "--step", "0.3", "--stop-time", "1"], "no whole number of communication steps"),
         (["tether_in_wind", "--scheme", "newton-krylov", "--backend", "in-process"], "derivatives of equilibria"),
         (["tether_in_wind", "--live"], "--live"),
-        (["tether_in_wind", "--checkpoint", "a.ckp"], "no checkpoints"),
+        (["tether_in_wind", "--checkpoint", "missing/a.ckp"], "there is no folder missing"),
+        (["tether_in_wind", "--restart", "missing.ckp"], "checkpoint missing.ckp cannot be read"),
         (["tether_in_wind", "--inputs", "missing.csv"], "cannot be read"),
         (["tether_in_wind", "--set", "line_damping_time=-1"], "line_damping_time must be"),
     ],
@@ -153,10 +157,111 @@ def test_options_that_do_not_fit_are_refused_in_one_sentence(words, said, tmp_pa
     assert said in result.output
 
 
-def test_comparing_schemes_is_for_scenes_of_equilibria(tmp_path):
-    result = CliRunner().invoke(app, ["compare", "tether_in_wind", "--out", str(tmp_path)])
+def test_schemes_are_compared_through_time_too(tmp_path):
+    given = {"stop_time": 0.6, "step": 0.1, "jobs": 0, "out": tmp_path}
+    rows = compare("tether_in_wind", ["explicit", "aitken", "iqn-ils", "newton-krylov"], **given)
+    *ran, exact = rows
+    assert exact["status"] == "unavailable"
+    assert [row["status"] for row in ran] == ["converged"] * 3
+    assert [row["communication_steps"] for row in ran] == [6] * 3
+    assert all(len(row["evaluations_history"]) == 6 for row in ran)
+    assert [sum(row["evaluations_history"]) for row in ran] == [row["coupling_iterations"] for row in ran]
+    explicit, aitken, quasi = ran
+    assert explicit["coupling_iterations"] == 6  # one exchange a step
+    assert aitken["equilibrium"] == quasi["equilibrium"] == 1  # both meet the tolerance, so they end at one place
+    assert explicit["displacement_difference"] > 1e-3  # the explicit scheme is of first order
+    for name in ("steps.png", "iterations.svg", "compare.html", "compare.csv"):
+        assert (tmp_path / name).stat().st_size > 0
+    assert not (tmp_path / "residuals.png").exists()
+    with opened(load("tether_in_wind"), "in-process", {}, tmp_path) as sides:
+        run = simulate(sides, 0.6, 0.1, "aitken", tolerance=1e-5, max_iterations=200)
+    assert list(run.steps.iterations) == aitken["evaluations_history"]
+    assert compare("tether_in_wind", ["aitken"], **given)[0]["coupling_iterations"] == aitken["coupling_iterations"]
+
+
+def test_time_is_no_matter_where_nothing_moves(tmp_path):
+    words = ["compare", "typical_section", "--stop-time", "1", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, words)
     assert result.exit_code == 2
-    assert "one of motion" in result.output
+    assert "for scenes in motion" in result.output
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+@pytest.mark.parametrize("backend", ["in-process", "fmu"])
+def test_a_run_goes_on_from_a_checkpoint_to_the_last_bit(scheme, backend, tmp_path):
+    table = tmp_path / "inputs.csv"
+    table.write_text("time,tether_length_rate,wind_speed\n0,0,6\n0.6,-1,8\n")
+
+    def flown(out, stop, *more):
+        words = ["--inputs", table, "--scheme", scheme, "--backend", backend, "--no-report", "--out", tmp_path / out]
+        result = _cli("tether_in_wind", "--stop-time", stop, *words, *more)
+        assert result.exit_code == 0, result.output
+        return result.output, (tmp_path / out / "history.csv").read_text().splitlines()
+
+    _, whole = flown("whole", 0.8)
+    flown("half", 0.4, "--checkpoint", tmp_path / "a.ckp", "--checkpoint-every", 3)
+    said, rest = flown("rest", 0.8, "--restart", tmp_path / "a.ckp")
+    assert "went on from a.ckp at 0.4 s" in said
+    assert rest[2:] == whole[6:]  # header and the row that the restart begins with aside
+    for name in ("nodes.csv", "elements.csv", "line_loads.csv"):
+        assert (tmp_path / "rest" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_what_a_restart_through_time_may_change(tmp_path):
+    kept = tmp_path / "a.ckp"
+    words = ["tether_in_wind", "--backend", "in-process", "--no-report", "--out", tmp_path / "out"]
+    assert _cli(*words, "--stop-time", 0.2, "--checkpoint", kept).exit_code == 0
+    changed = _cli(*words, "--stop-time", 0.4, "--restart", kept, "--scheme", "aitken", "--set", "wind_speed=9")
+    assert changed.exit_code == 0, changed.output
+    assert "scheme iqn-ils -> aitken" in changed.output
+    assert "wind_speed as in the scene -> 9" in changed.output
+    content = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert content["outputs"]["aero.present_wind_speed"] == 9.0
+    for more, said in (
+        (["--set", "start_in_equilibrium=1"], "start_in_equilibrium is fixed once a run has begun"),
+        (["--set", "line_area=projected"], "a setting of the scene cannot change"),
+        (["--backend", "fmu"], "is of backend in-process"),
+    ):
+        result = _cli(*words, "--stop-time", 0.4, "--restart", kept, *more)
+        assert result.exit_code == 2
+        assert said in result.output
+    other = _cli("v3_kite_dynamic", *words[1:], "--restart", kept)
+    assert "is of scene tether_in_wind" in other.output
+
+
+# A structure without a flow
+
+
+def alone(**values):
+    """The structure of the tether by itself."""
+    return {"structural": InProcessParticipant(load("tether_in_wind").structural_core(), values)}
+
+
+def test_a_structure_alone_falls_like_a_structure_in_an_exchange_without_loads():
+    run = simulate(alone(), 0.5, 0.1)
+    assert run.finished
+    assert (run.time, run.evaluations, len(run.steps)) == (0.5, 5, 5)
+    core = load("tether_in_wind").structural_core()
+    for k in range(5):
+        core.step(k * 0.1, 0.1)
+    assert np.array_equal(run.blocks["structural"]["position"], core.get("position"))
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+def test_a_failed_step_of_a_structure_alone_ends_the_run_with_a_status(scheme, tmp_path):
+    table = tmp_path / "inputs.csv"
+    table.write_text("time,tether_length_rate\n0,0\n0.3,0\n0.4,-999\n")
+    followed = []
+    run = simulate(
+        alone(), 1.0, 0.1, scheme, inputs=Inputs.read(table), follower=lambda time, run: followed.append(time)
+    )
+    assert run.status == "diverged"
+    assert not run.finished
+    assert "rest length of tether_length would become" in run.message
+    assert 0.3 <= run.time < 1.0
+    assert followed[-1] == run.time  # all that was reached is kept
+    assert run.steps.statuses[-1] == "diverged"
+    assert run.steps.statuses[:-1] == ["converged"] * round(run.time / 0.1)
 
 
 def test_the_list_of_scenes_says_which_move():
