@@ -5,7 +5,7 @@
 
 from .coefficients import Coefficients, coefficients
 from .line_drag import LinesInWind, line_loads, line_loads_derivative
-from .model import AeroModel, Flow, Response, StripLayout
+from .model import AeroModel, Flow, Response, StripLayout, Wing
 from .wind import Gusts
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "LinesInWind",
     "Response",
     "StripLayout",
+    "Wing",
     "coefficients",
     "line_loads",
     "line_loads_derivative",

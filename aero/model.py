@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from interface import Variable
+from interface import SurfaceMesh, Variable
 
 Values = Mapping[str, np.ndarray]
 Derivative = Callable[[np.ndarray], dict[str, np.ndarray]]
@@ -68,6 +68,23 @@ class StripLayout:
     polars: Any = None
 
 
+@dataclass(frozen=True, eq=False)
+class Wing:
+    """What a model of the flow around a wing is made of.
+
+    `mesh` is the interface, open or closed; where it is made of strips, `sections` (n+1, k+1) are node indices of the
+    stations of each section at the `fractions` (k+1,) of the chord, and `polars` reads the section polars of the n
+    strips. `options` are those of [aero] in scene.toml, `symmetric` whether one half is to be solved at the start.
+    """
+
+    mesh: SurfaceMesh
+    options: Mapping[str, Any]
+    symmetric: bool = False
+    sections: np.ndarray | None = None
+    fractions: np.ndarray | None = None
+    polars: Callable[[], Any] | None = None
+
+
 class AeroModel:
     """A model of the flow. Subclasses give `variables` and `solve`; all else has an answer that suits most."""
 
@@ -93,6 +110,10 @@ class AeroModel:
 
     def remarks(self, outputs: Values) -> list[str]:
         """Sentences on what is worth a warning in its outputs."""
+        return []
+
+    def rows(self, outputs: Values) -> list[tuple[str, str]]:
+        """Rows, name and text with unit, that a table of results is to have of its outputs."""
         return []
 
     def tables(self) -> Sequence[tuple[str, str, list[list[Any]]]]:

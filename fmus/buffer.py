@@ -10,6 +10,7 @@ import numpy as np
 
 from fmus.description import scalar_names
 from interface import Variable
+from interface.variables import allowed, first_outside
 
 LARGEST = float(np.finfo(float).max)  # what is not within it is infinite or not a number
 REMEMBERED = 256  # lists of value references: an importer repeats a few
@@ -71,9 +72,8 @@ class Buffer:
         given, old = np.array(values, dtype=float), self.values[where]
         if given.shape != old.shape:
             raise ValueError(f"There are {given.size} values for {old.size} scalars.")
-        outside = ~((given >= self._low[where]) & (given <= self._high[where]))
-        if outside.any():
-            k = int(np.argmax(outside))
+        k = first_outside(given, self._low[where], self._high[where])
+        if k is not None:
             raise ValueError(self._outside(int(np.arange(self.values.size)[where][k]), float(given[k])))
         if np.array_equal(given, old):
             return False
@@ -85,13 +85,8 @@ class Buffer:
         variable, where = self.blocks[self._block_of[place]]
         name = scalar_names(variable)[place - where.start]
         unit = f" {variable.unit}" if variable.unit != "1" else ""
-        low, high = variable.minimum, variable.maximum
-        if not np.isfinite(value) or low is high is None:
-            wanted = "finite"
-        elif low is None or high is None:
-            wanted = f"at most {high:g}{unit}" if low is None else f"at least {low:g}{unit}"
-        else:
-            wanted = f"between {low:g} and {high:g}{unit}"
+        limits = (variable.minimum, variable.maximum) if np.isfinite(value) else (None, None)
+        wanted = allowed(*limits, variable.unit)
         return f"{name} must be {wanted}, not {value:g}; it stays {self.values[place]:g}{unit}."
 
     def block(self, name: str) -> np.ndarray:

@@ -12,6 +12,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from interface.variables import allowed, first_outside
+
 INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j]
 
 
@@ -63,13 +65,15 @@ class Blocks:
             raise ValueError(f"{self.name}: block {block!r} takes numbers of shape {shape}.") from None
         if array.shape != shape:
             raise ValueError(f"{self.name}: block {block!r} has shape {shape}, not {array.shape}.")
-        if not np.isfinite(array).all():
-            raise ValueError(f"{self.name}: block {block!r} must be finite.")
-        if limits.minimum is not None and (array < limits.minimum).any():
-            raise ValueError(f"{self.name}: block {block!r} must be at least {np.max(limits.minimum):g}.")
-        if limits.maximum is not None and (array > limits.maximum).any():
-            raise ValueError(f"{self.name}: block {block!r} must be at most {np.min(limits.maximum):g}.")
-        return array
+        k = first_outside(array, limits.minimum, limits.maximum)
+        if k is None:
+            return array
+        value, low, high = (
+            None if b is None else float(np.broadcast_to(b, shape).reshape(-1)[k])
+            for b in (array, limits.minimum, limits.maximum)
+        )
+        wanted = allowed(low, high) if np.isfinite(array).all() else "finite"
+        raise ValueError(f"{self.name}: block {block!r} must be {wanted}, not {value:g}.")
 
     def directional_derivative(self, changes: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Derivative of the outputs of the last step along a direction in the inputs; no state is changed.

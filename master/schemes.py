@@ -1,10 +1,12 @@
 """The coupling schemes by name, with the parameters that each one takes: what command line and comparisons offer."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import pkgutil
+from importlib import import_module
 from typing import Any
 
-from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation, NewtonKrylov, Scheme
+from master import acceleration
+from master.acceleration import Scheme
+from master.acceleration.scheme import Kind
 from master.exchange import Exchange, Order
 
 # In the parallel order a relaxed displacement is at odds with the loads, which answer another one; the explicit first
@@ -12,49 +14,15 @@ from master.exchange import Exchange, Order
 FIRST_PARALLEL = 1.0
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of scheme: how to make one, its parameters with their defaults, and a line about it.
-
-    `relaxation` names the parameter that is a factor of relaxation (of the first update, where the others follow), ""
-    where there is none; `exact` kinds need the product G' v of the coupled map.
-    """
-
-    make: Callable[..., Scheme]
-    parameters: Mapping[str, Any]
-    relaxation: str
-    description: str
-    exact: bool = False
-
-    def __call__(self, **parameters: Any) -> Scheme:
-        """A fresh scheme object with `parameters` in place of the defaults."""
-        return self.make(**{**self.parameters, **parameters})
+def kinds() -> dict[str, Kind]:
+    """Name -> kind of every scheme that a module of `master.acceleration` offers (its KINDS)."""
+    found: dict[str, Kind] = {}
+    for module in pkgutil.iter_modules(acceleration.__path__):
+        found |= getattr(import_module(f"{acceleration.__name__}.{module.name}"), "KINDS", {})
+    return dict(sorted(found.items(), key=lambda item: (item[1].place, item[0])))
 
 
-SCHEMES: dict[str, Kind] = {
-    "explicit": Kind(lambda: ConstantRelaxation(1.0), {}, "", "staggered exchange, x <- x~"),
-    "relaxation": Kind(ConstantRelaxation, {"omega": 0.25}, "omega", "constant relaxation, x <- x + omega r"),
-    "aitken": Kind(Aitken, {"omega": 0.5, "omega_max": 1.0}, "omega", "relaxation by the last two residuals"),
-    "iqn-ils": Kind(
-        IQNILS,
-        {"omega0": IQNILS.omega0, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 1e-4, "max_columns": 100},
-        "omega0",
-        "quasi-Newton with an inverse Jacobian from least squares",
-    ),
-    "iqn-imvj": Kind(
-        IQNIMVJ,
-        {"omega0": IQNILS.omega0, "filter": 1e-8, "curved": 0.03, "max_columns": 200},
-        "omega0",
-        "quasi-Newton that corrects the inverse Jacobian of the step before",
-    ),
-    "newton-krylov": Kind(
-        NewtonKrylov,
-        {"eta": 0.01, "directions": 60},
-        "",
-        "Newton with directional derivatives, solvers in-process only",
-        exact=True,
-    ),
-}
+SCHEMES = kinds()
 
 
 def scheme(name: str, exchange: Exchange | None = None, order: Order = "serial", **parameters: Any) -> Scheme:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from aero.methods import methods
 from interface.line_drag import FRICTION, NORMAL_DRAG
 
 from .scene_settings import INTEGRATION, options, setting, variant
@@ -64,6 +65,10 @@ def _choice(*choices: str) -> Callable[[Any], str]:
         return value
 
     return check
+
+
+def _method(value: Any) -> str:
+    return _choice(*methods())(value)
 
 
 def _direction(value: Any) -> list[float]:
@@ -132,7 +137,7 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
     },
     "wing": {"struts": (_file, None), "sections": (_file, ...), "polars": (_file, ...)},
     "aero": {
-        "method": (_choice("vortex-step"), "vortex-step"),
+        "method": (_method, "vortex-step"),
         "induction": (_flag, True),
         "direction": (_choice("bound", "control"), "bound"),
         "circulation_speed": (_choice("local", "far"), "local"),

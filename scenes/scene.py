@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aero import LinesInWind
+from aero import LinesInWind, Wing
 
 from .description import read_description
 from .interface import (
@@ -144,9 +144,22 @@ class Scene:
         """The model of the flow around the wing, None where the scene has no wing in a flow."""
         if not self.has_flow or self.content["wing"] is None:
             return None
-        from .cores.wing import wing_model
+        from aero.methods import wing_model
 
-        return wing_model(self)
+        content, i = self.content["aero"], self.interface
+        options = {**content, "camber": self.settings.get("camber_feedback", "off") == "on"}
+        symmetric = self.content["structure"]["symmetric"]
+        return wing_model(content["method"], Wing(i, options, symmetric, i.sections, i.fractions, self.strip_polars))
+
+    @cached_property
+    def loads(self) -> tuple[str, ...]:
+        """Names of the loads that its flow puts on the interface; without a flow, those that may be set by hand."""
+        from aero.methods import wing_loads
+
+        content, wing = self.content["aero"], self.content["wing"] is not None
+        on_panels = ("pressure",) if content is None or not wing else wing_loads(content["method"], content)
+        panels = on_panels if len(self.interface.panels) else ()
+        return (*panels, *(("line_load",) if len(self.interface.lines) else ()))
 
     def remarks(self, outputs: dict[str, np.ndarray]) -> list[str]:
         """What the models of the flow have to say of their outputs."""

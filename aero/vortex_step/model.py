@@ -143,6 +143,11 @@ class VortexStepModel(AeroModel):
             found.append(f"beyond stall: the circulation contains artificial viscosity ({viscosity:g})")
         return found
 
+    def rows(self, outputs):
+        """See AeroModel."""
+        angle = f"{np.rad2deg(float(outputs['alpha_mid'])):.3f} deg (mid-span chord to the wind)"
+        return [("angle of attack", angle), ("tip span", f"{float(outputs['tip_span']):.4f} m")]
+
     def tables(self):
         """See AeroModel: the panels of every strip, numbered from 1."""
         strips, rows = len(self.wing.grid.sections) - 1, self.wing.grid.rows

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from master.acceleration.differences import QuasiNewton
-from master.acceleration.scheme import Field, require_count, require_fraction, unit
+from master.acceleration.scheme import Field, Kind, require_count, require_fraction, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,3 +114,14 @@ class IQNIMVJ(QuasiNewton):
             Q[k], G[k] = q / rho, g
             k += 1
         return _Block(Q[:k] * D, Q[:k] / D, G[:k] / D)
+
+
+KINDS = {
+    "iqn-imvj": Kind(
+        IQNIMVJ,
+        {"omega0": IQNIMVJ.omega0, "filter": 1e-8, "curved": 0.03, "max_columns": 200},
+        "omega0",
+        "quasi-Newton that corrects the inverse Jacobian of the step before",
+        place=4,
+    )
+}

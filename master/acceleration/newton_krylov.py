@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from master.acceleration.scheme import Field, require_count, require_fraction, unit
+from master.acceleration.scheme import Field, Kind, require_count, require_fraction, unit
 
 
 @dataclass
@@ -80,3 +80,15 @@ class NewtonKrylov:
 def _size(a: np.ndarray) -> float:
     """|a|_2 without overflow or underflow of the squares."""
     return unit(a) * float(np.linalg.norm(a / unit(a)))
+
+
+KINDS = {
+    "newton-krylov": Kind(
+        NewtonKrylov,
+        {"eta": 0.01, "directions": 60},
+        "",
+        "Newton with directional derivatives, solvers in-process only",
+        exact=True,
+        place=5,
+    )
+}

@@ -7,7 +7,7 @@ import numpy as np
 
 from master.acceleration.columns import Columns
 from master.acceleration.differences import QuasiNewton
-from master.acceleration.scheme import Field, require_count, require_fraction, unit
+from master.acceleration.scheme import Field, Kind, require_count, require_fraction, unit
 
 
 @dataclass
@@ -152,3 +152,14 @@ class IQNILS(QuasiNewton):
             Q[k], G[k] = q / rho, g
             k += 1
         return Q[:k], G[:k]
+
+
+KINDS = {
+    "iqn-ils": Kind(
+        IQNILS,
+        {"omega0": IQNILS.omega0, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 1e-4, "max_columns": 100},
+        "omega0",
+        "quasi-Newton with an inverse Jacobian from least squares",
+        place=3,
+    )
+}

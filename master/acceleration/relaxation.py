@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from master.acceleration.scheme import Field, require_factor
+from master.acceleration.scheme import Field, Kind, require_factor
 
 CAREFUL = 0.5  # part of its first factor with which Aitken begins anew
 
@@ -93,3 +93,10 @@ class Aitken:
         self._careful *= CAREFUL
         self._omega, self._r = self._careful * self.omega, None
         return True
+
+
+KINDS = {
+    "explicit": Kind(lambda: ConstantRelaxation(1.0), {}, "", "staggered exchange, x <- x~", place=0),
+    "relaxation": Kind(ConstantRelaxation, {"omega": 0.25}, "omega", "constant relaxation, x <- x + omega r", place=1),
+    "aitken": Kind(Aitken, {"omega": 0.5, "omega_max": 1.0}, "omega", "relaxation by the last two residuals", place=2),
+}

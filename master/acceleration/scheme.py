@@ -4,10 +4,10 @@ Notation of all schemes: x_tilde = G(x), r = x_tilde - x.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import dataclass, is_dataclass
 from dataclasses import fields as dataclass_fields
-from dataclasses import is_dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -33,6 +33,28 @@ class Scheme(Protocol):
 
     def restart(self) -> bool:
         """Forget what led astray and go on more carefully; False where the scheme knows no more careful way."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of scheme by name: how to make one, its parameters with their defaults, and a line about it.
+
+    `relaxation` names the parameter that is a factor of relaxation (of the first update, where the others follow), ""
+    where there is none; `exact` kinds need the product G' v of the coupled map. `place` is that in lists.
+
+    A module of this package that has a dict KINDS, name -> Kind, is found by `master.schemes`.
+    """
+
+    make: Callable[..., Scheme]
+    parameters: Mapping[str, Any]
+    relaxation: str
+    description: str
+    exact: bool = False
+    place: float = 100.0
+
+    def __call__(self, **parameters: Any) -> Scheme:
+        """A fresh scheme object with `parameters` in place of the defaults."""
+        return self.make(**{**self.parameters, **parameters})
 
 
 def adopt(scheme: Any, earlier: Any) -> bool:

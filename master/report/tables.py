@@ -185,8 +185,7 @@ def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]
     return [
         ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
         ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} ({area})"),
-        ("angle of attack", f"{np.rad2deg(float(aero['alpha_mid'])):.3f} deg (mid-span chord to the wind)"),
-        ("tip span", f"{float(aero['tip_span']):.4f} m"),
+        *scene.wing_model.rows(aero),
         ("aerodynamic force", _vector(aero["force"]) + " N"),
     ]
 

@@ -46,16 +46,15 @@ def transient_variables(scene, model):
 
 
 def _loads(scene):
-    interface, aero = scene.interface, scene.content["aero"]
-    panels = len(interface.panels)
+    interface, panels = scene.interface, len(scene.interface.panels)
     of_panel = partial(Variable, counts="panel")
-    if panels:
+    if "pressure" in scene.loads:
         text = "net pressure on each interface panel, follower"
         yield of_panel("pressure", (panels,), unit="Pa", description=text)
-    if panels and aero is not None and aero["section_force"] != "normal":
+    if "shear" in scene.loads:
         text = "traction on each interface panel, keeps its global direction"
         yield of_panel("shear", (panels, 3), unit="Pa", description=text)
-    if len(interface.lines):
+    if "line_load" in scene.loads:
         text = "wind load on each exposed line per current length, keeps its global direction"
         yield Variable("line_load", (len(interface.lines), 3), unit="N/m", description=text, counts="line")
 

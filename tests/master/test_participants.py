@@ -143,7 +143,7 @@ def test_a_freed_or_foreign_state_is_refused(toy_path):
         ("load", np.full((2, 3), np.nan), "block 'load' must be finite"),
         ("load", "heavy", r"block 'load' takes numbers of shape \(2, 3\)"),
         ("gain", -0.1, "block 'gain' must be at least 0"),
-        ("trouble", 4, "block 'trouble' must be at most 3"),
+        ("trouble", 4, "block 'trouble' must be between 0 and 3, not 4"),
         ("position", np.zeros((2, 3)), "block 'position' cannot be set, its causality is output"),
         ("scale", np.ones(3), "block 'scale' is fixed"),
     ],

@@ -1,0 +1,32 @@
+"""Methods for the flow around a wing, a file each: what [aero] method in scene.toml may name, with - for _.
+
+A file gives `wing_loads(options)`, the names of the interface loads (`aero.model.LOADS`) that its model sends, and
+`wing_model(wing)`, the model of a `Wing`. The first loads nothing of the model, so that a structure can ask.
+"""
+
+import pkgutil
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from aero.model import AeroModel, Wing
+
+
+def methods() -> tuple[str, ...]:
+    """The names of the methods that there are."""
+    return tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)))
+
+
+def wing_loads(method: str, options: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the interface loads that a method sends with these options of [aero]."""
+    return tuple(_module(method).wing_loads(options))
+
+
+def wing_model(method: str, wing: Wing) -> AeroModel:
+    """The model of the flow around a wing by a method."""
+    model: AeroModel = _module(method).wing_model(wing)
+    return model
+
+
+def _module(method: str) -> Any:
+    return import_module(f"{__name__}.{method.replace('-', '_')}")
