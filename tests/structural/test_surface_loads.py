@@ -1,18 +1,28 @@
 """Follower pressure and dead-direction shear on panels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.spatial.transform import Rotation
 
 from structural import (
+    Assembly,
+    FaceLoad,
+    Faces,
+    Loads,
+    Structure,
     area_vectors,
     corner_shares,
+    equilibrium,
+    interface_groups,
     line_load_forces,
     line_load_forces_and_tangents,
     surface_forces,
     surface_forces_and_tangents,
 )
-from tests.structural.models import TANGENT_TOLERANCE, central_difference
+from tests.structural.models import TANGENT_TOLERANCE, central_difference, chains, residual_of, structure
 
 SQUARE = np.array([[0.0, 0, 0], [1.0, 0, 0], [1.0, 1.0, 0], [0, 1.0, 0]])
 
@@ -161,3 +171,60 @@ def test_line_of_no_length_carries_nothing():
     force, tangent = line_load_forces_and_tangents(np.ones((1, 2, 3)), np.ones((1, 3)))
     assert not np.any(force)
     assert not np.any(tangent)
+
+
+@pytest.mark.parametrize("shear", [False, True], ids=["pressure", "pressure+shear"])
+def test_faces_of_three_corners_bear_what_panels_with_a_repeated_corner_do(shear):
+    rng = np.random.default_rng(11)
+    panels = np.array([_panel(rng, "triangle") for _ in range(100)])
+    p = rng.normal(scale=100.0, size=100)
+    load = FaceLoad(p, rng.normal(scale=50.0, size=(100, 3)) if shear else None)
+    three = Faces(np.arange(300).reshape(100, 3))
+    four = Faces(np.arange(400).reshape(100, 4))
+    force, tangent, rates = three.forces_and_tangents(panels[:, :3], load)
+    quads, stiffness, _ = four.forces_and_tangents(panels, load)
+    assert rates is None  # pressure does not depend on velocities
+    joined = np.zeros((12, 9))  # the last two corners are one
+    joined[:9] = np.eye(9)
+    joined[9:, 6:] = np.eye(3)
+    size = np.abs(quads).max()
+    assert force.reshape(100, 9) == pytest.approx(quads.reshape(100, 12) @ joined, abs=1e-13 * size)
+    assert three.forces(panels[:, :3], load) == pytest.approx(force, abs=1e-14 * size)
+    merged = joined.T @ stiffness @ joined
+    assert tangent == pytest.approx(merged, abs=1e-12 * np.abs(merged).max())
+
+
+def test_a_closed_net_is_blown_up_by_a_pressure_that_is_none_of_the_interface():
+    """Octahedron of springs k, l0 with the circumradius r: 2/3 p r^2 = 2 sqrt(2) k (sqrt(2) r - l0) at every corner."""
+    nodes = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]])
+    faces = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
+    edges = np.array([(a, b) for a in range(6) for b in range(a + 1, 6) if b - a != 3])
+    k, l0, p = 400.0, 1.4, 300.0
+    fixed = np.zeros((6, 3), bool)
+    fixed[0], fixed[3, 1:], fixed[1, 2] = True, True, True  # no more than holds it in place
+    outer = interface_groups(sp.csr_array(np.eye(6)[:3]), np.array([[0, 1, 2, 2]]))
+    s = Structure(nodes, fixed, (chains(edges, l0, k),), {**outer, "cell": Faces(faces)})
+    assembly = Assembly(s)
+    loads = Loads(np.zeros((6, 3)), {"cell": FaceLoad(np.full(8, p))})
+    found = equilibrium(assembly, loads, nodes, atol=1e-9)
+    assert found.converged
+    r = 3.0 * k / p * (1.0 - np.sqrt(1.0 - np.sqrt(2.0) * p * l0 / (3.0 * k)))  # the smaller root is the stable one
+    across = np.linalg.norm(found.x[:3] - found.x[3:], axis=1)
+    assert across == pytest.approx(np.full(3, 2.0 * r), rel=1e-10)  # 1e-9 N on 400 N/m
+    q = assembly.unknowns.restrict(found.x)
+    residual, prepared = residual_of(assembly, s.groups, loads)
+    exact = central_difference(residual, q)
+    _, tangent, _ = assembly.residual_and_tangent(q, prepared)
+    assert np.abs(tangent.toarray() - exact).max() <= TANGENT_TOLERANCE * np.abs(exact).max()
+    # the panel of the interface bears on top of it, and takes the same net force as a face
+    pushed = Loads(loads.dead, {**loads.on, "panels": FaceLoad(np.array([10.0]))})
+    force = assembly.load_forces(nodes, pushed) - assembly.load_forces(nodes, loads)
+    more = FaceLoad(np.array([10.0, *np.zeros(7)]))
+    assert force == pytest.approx(assembly.load_forces(nodes, Loads(loads.dead, {"cell": more})), abs=1e-12)
+
+
+def test_loads_on_a_place_that_a_structure_does_not_have_are_refused_by_name():
+    s = structure([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], [True, False, False], [chains([[0, 1], [0, 2]], 1.0, 10.0)])
+    s = replace(s, load_groups={"cell": Faces(np.array([[0, 1, 2]]))})
+    with pytest.raises(ValueError, match="no load group 'panels'; it has: cell"):
+        Assembly(s).prepare(Loads(np.zeros((3, 3)), {"panels": FaceLoad(np.ones(1))}))
