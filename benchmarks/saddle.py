@@ -2,12 +2,14 @@
 
 import contextlib
 import functools
+from importlib.util import find_spec
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from structural import Assembly, Loads, equilibrium
+from structural.solve import linear as solvers
 
 from .nets import saddle
 from .registry import Case, Curve, Fit, Outcome
@@ -21,6 +23,8 @@ NETS = {
     "two-way, 0.9": (0.9, True),
     "tension-only, 0.9": (0.9, False),
 }
+# From how many unknowns PARDISO is taken: never, always.
+SOLVERS = {"SuperLU": np.inf} | ({"PARDISO": 0} if find_spec("pypardiso") else {})
 
 
 def linear(s):
@@ -67,6 +71,17 @@ def net_in_equilibrium(series, g):
     yield direct if NETS[series] is None else newton
 
 
+@contextlib.contextmanager
+def solved_by(series, g):
+    """The net with lines at half the initial length in equilibrium, all factors by one direct solver."""
+    kept, solvers.LARGE = solvers.LARGE, SOLVERS[series]
+    try:
+        with net_in_equilibrium("tension-only, 0.5", g) as work:
+            yield work
+    finally:
+        solvers.LARGE = kept
+
+
 ENTRIES = (
     Case(
         name="saddle.nodes",
@@ -110,5 +125,26 @@ ENTRIES = (
         note="The nets of `saddle.nodes` up to 20201 nodes. Rest length 0.9 is left out, because these nets wrinkle: "
         "with 20201 nodes the tension-only one takes 137 Newton iterations, the two-way one does not converge within "
         "600.",
+    ),
+    Case(
+        name="saddle.solvers",
+        title="Direct solvers on saddle nets, assembly and equilibrium from the flat start: time over nodes",
+        knob="g",
+        values=(7, 13, 25, 41, 51, 75, 101),
+        quick=(7, 13),
+        error="out-of-balance force",
+        unit="N",
+        reference="equilibrium: no force is out of balance",
+        prepare=solved_by,
+        truth=lambda series, g: 0.0,
+        bound=TOLERANCE,
+        series=tuple(SOLVERS),
+        repeats=5,
+        ratio_to="SuperLU",
+        plot=Curve("nodes", "time_s"),
+        fit=Fit("nodes", "time_s", "time ~ nodes", least=1000.0),
+        labels={"nodes": "nodes", "unknowns": "unknowns", "newton_iterations": "Newton iterations"},
+        note="Tension-only nets with lines at 0.5 of their initial length. PARDISO is measured where the extra "
+        "`pardiso` is installed; here on one thread, as SuperLU. Solves take it from 10000 unknowns on.",
     ),
 )

@@ -128,7 +128,7 @@ def _identifier(name: str) -> str:
 def _unused(scene: Scene) -> tuple[str, ...]:
     """Beginnings of the paths of modules that the FMUs of a scene never load."""
     motion = "structural/dynamics/", "scenes/cores/transient"
-    return ("scenes/cores/statics",) if scene.moves else motion
+    return ("structural/solve/pardiso", *(("scenes/cores/statics",) if scene.moves else motion))
 
 
 def archive(

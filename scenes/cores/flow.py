@@ -1,6 +1,6 @@
 """The aerodynamic solver of a scene: interface displacements in, loads of the models of its flow out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -21,7 +21,7 @@ GUSTS = ("gust_speed", "gust_start", "gust_duration", "gust_interval")
 
 @dataclass(frozen=True, eq=False)
 class FlowState:
-    """End s of the last step, and what the models keep from it, None before there was one."""
+    """End s of the last step, 0 where no wind depends on it, and what the models keep, None before the first step."""
 
     time: float = 0.0
     models: tuple[Any, ...] | None = None
@@ -153,7 +153,7 @@ class FlowSolver(Solver):
     def repeated(self, values, state, first, t, dt):
         """See Solver."""
         counted = "newton_iterations" in values and not first
-        return Result({"newton_iterations": 0} if counted else {}, FlowState(t + dt, state.models))
+        return Result({"newton_iterations": 0} if counted else {}, replace(state, time=self._end(t, dt)))
 
     def look(self, values, state):
         """See Solver: the loads on the wing and the lines as they start."""
@@ -163,7 +163,10 @@ class FlowSolver(Solver):
     def step(self, values, state, first, t, dt):
         """Loads on the displaced interface."""
         flow = self._flow(values, self._speed(values, t + dt), dt)
-        return self._solved(values, flow, None if first else state.models, t + dt)
+        return self._solved(values, flow, None if first else state.models, self._end(t, dt))
+
+    def _end(self, t, dt):
+        return t + dt if self._scene.moves else 0.0
 
     def _flow(self, values, speed, dt=0.0):
         direction = values["wind_direction"]

@@ -6,6 +6,7 @@ order of its own, and pivots stay on the diagonal unless they are tiny.
 """
 
 import copy
+import functools
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,6 +18,10 @@ import scipy.sparse.linalg as spla
 PIVOT = 1e-6
 # More than a thousandth loses less than three digits: for factors that serve many right-hand sides without a check.
 ACCURATE_PIVOT = 1e-3
+
+# Unknowns from which Newton steps take PARDISO where it is installed: a solve then lasts long enough that the 0.3 s of
+# loading it are little. Results differ from those of SuperLU by rounding, and from run to run with several threads.
+LARGE = 10_000
 
 
 class Singular(ArithmeticError):
@@ -51,8 +56,27 @@ class Factors:
 
 
 def factorised(matrix, pivot=PIVOT):
-    """Factors of a sparse (q,q) matrix whose unknowns are in an order of elimination; `Singular` if it is."""
+    """Factors of a sparse (q,q) matrix whose unknowns are in an order of elimination; `Singular` if it is.
+
+    By SuperLU; for Newton steps of LARGE systems by PARDISO where it is installed.
+    """
+    if pivot == PIVOT and matrix.shape[0] >= LARGE and has_pardiso():
+        from . import pardiso
+
+        return pardiso.PardisoFactors(matrix)
     return Factors(matrix, pivot)
+
+
+@functools.cache
+def has_pardiso():
+    """Whether PARDISO is there: the extra `pardiso` is installed, and its libraries load."""
+    try:
+        from . import pardiso
+
+        pardiso.library()
+    except (ImportError, OSError):
+        return False
+    return True
 
 
 def shifted(matrix, diagonal, shift):
