@@ -52,7 +52,9 @@ def run(
     stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
     report: Annotated[bool, typer.Option(help="Write plots, VTK files and an HTML page too.")] = True,
     checkpoint: CheckpointOption = None,
-    checkpoint_every: Annotated[int, typer.Option(help="Coupling iterations from checkpoint to checkpoint.")] = 1,
+    checkpoint_every: Annotated[
+        int, typer.Option(help="Coupling iterations, in motion communication steps, from checkpoint to checkpoint.")
+    ] = 1,
     restart: Annotated[
         Path | None,
         typer.Option(

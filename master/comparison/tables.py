@@ -28,7 +28,8 @@ LEGEND = {
     "Newton iterations": "of all calls, structure / flow",
     "s": "wall time of the coupling loop, both solvers included, without loading the scene",
     "residual, N": "out-of-balance force at the end, with the flow evaluated again",
-    "equilibrium": "1 is the one that most schemes have found; others with the relative difference of displacement",
+    "equilibrium": "1 is the one that most schemes have found; others with the relative difference of displacement; in "
+    "motion the state at the end",
 }
 
 
