@@ -3,7 +3,6 @@
 import contextlib
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from master import restart
 from master.coupling import Coupling
 from master.exchange import ORDERS
+from master.job import Job
 from master.participants import FmuParticipant, InProcessParticipant, Participant
 from master.report import (
     RESULTS,
@@ -31,32 +31,6 @@ from master.schemes import SCHEMES, scheme
 from master.still_air import StillAir
 
 BACKENDS = ("fmu", "in-process")
-
-
-@dataclass(frozen=True, eq=False)
-class Job:
-    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, the
-    checkpoints, the texts `assigned` on the command line, and what a restart has `kept` besides.
-    """
-
-    scene: Any
-    given: dict[str, Any]
-    choices: dict[str, Any]
-    out: Path
-    files: restart.Files = restart.NO_FILES
-    assigned: dict[str, str] = field(default_factory=dict)
-    kept: list[str] = field(default_factory=list)
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """What a checkpoint says of the run."""
-        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
-        return {**scene, "parameters": _plain(self.given), **self.choices}
-
-    @property
-    def remembered(self) -> list[str]:
-        """A remark on what a restart has from its checkpoint."""
-        return [f"as in the checkpoint: {', '.join(self.kept)}"] if self.kept else []
 
 
 def run_scene(
@@ -95,7 +69,7 @@ def run_scene(
     return _run_equilibrium(job, live, begin)
 
 
-def _run_equilibrium(job: "Job", live: bool, begin: float) -> int:
+def _run_equilibrium(job: Job, live: bool, begin: float) -> int:
     """Run a scene of equilibria; the exit code."""
     scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
     for name in RESULTS:  # so that what stands there is never of an earlier run
@@ -120,7 +94,7 @@ def _run_equilibrium(job: "Job", live: bool, begin: float) -> int:
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 
 
-def _write(job: "Job", run: Run, set_up: float) -> None:
+def _write(job: Job, run: Run, set_up: float) -> None:
     """Print the table of a run and write its files; `set_up` s is what went before."""
     scene, choices, out = job.scene, job.choices, job.out
     settings = {
@@ -232,11 +206,6 @@ def _scheme(choices: dict[str, Any], coupling: Coupling) -> Any:
     name, factor = choices["scheme"], choices["relaxation"]
     given = {} if factor is None else {SCHEMES[name].relaxation: factor}
     return scheme(name, coupling, choices["order"], **given)
-
-
-def _plain(given: dict[str, Any]) -> dict[str, Any]:
-    """Parameters as numbers and lists, to be compared and written."""
-    return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
 def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:

@@ -6,12 +6,13 @@ import time
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from master.acceleration import Scheme
 from master.exchange import Exchange
+from master.job import Job
 from master.march import March
 from master.participants import Participant
 from master.report import missing_libraries, print_written, versions, write_json, write_state
@@ -23,14 +24,11 @@ from master.transient.record import Recorder
 from master.transient.results import NO_PLOTS, RESULTS, result_rows, summary, write_plots
 from master.transient.simulation import PARAMETERS, Simulation, simulate
 
-if TYPE_CHECKING:
-    from master.commands import Job
-
 EXIT_FINISHED, EXIT_NOT_FINISHED = 0, 1
 
 
 def run_moving(
-    job: "Job",
+    job: Job,
     participants: contextlib.AbstractContextManager[dict[str, Participant]],
     live: bool = False,
     stop_time: float | None = None,
@@ -105,7 +103,7 @@ def motion_times(scene: Any, stop_time: float | None, step: float | None) -> tup
 
 
 def _write(
-    job: "Job",
+    job: Job,
     run: Simulation,
     blocks: dict[str, dict[str, np.ndarray]],
     content: dict[str, Any],

@@ -10,7 +10,8 @@ from structural.assembly import Assembly
 from structural.elements import ElementGroup
 from structural.elements.chains import Chains
 from structural.model import Loads
-from structural.solve.linear import Singular, factorised
+from structural.solve.linear import factorised
+from structural.solve.singular import Singular
 
 # Bounds of the common pull N relative to the load and to the stiffest element, within which it is sought.
 WEAKEST, STRONGEST = 1e-6, 1.0

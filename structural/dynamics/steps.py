@@ -3,9 +3,10 @@
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from structural.solve.linear import Singular, factorised
+from structural.solve.linear import factorised
 from structural.solve.newton import Newton
 from structural.solve.rounding import rounding_of_positions, stiffest
+from structural.solve.singular import Singular
 
 from .motion import Mass, Motion, State
 from .schemes import ImplicitEuler, StepSystem

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .linear import ACCURATE_PIVOT, Singular, factorised, shifted
+from .linear import ACCURATE_PIVOT, factorised, shifted
+from .singular import Singular
 
 # Shift relative to each unknown's own stiffness where the tangent is exactly singular.
 SHIFT = 1e-12

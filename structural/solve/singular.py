@@ -1,0 +1,5 @@
+"""What a direct solver may answer instead of factors."""
+
+
+class Singular(ArithmeticError):
+    """A matrix has no inverse."""
