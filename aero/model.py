@@ -51,6 +51,18 @@ class Response:
     symmetric: bool = False
 
 
+@dataclass(frozen=True)
+class Option:
+    """What [aero] in scene.toml may say of a method: a key with a `default` that is true or false, one of `choices`,
+    or a number within bounds.
+    """
+
+    default: bool | float | str
+    choices: tuple[str, ...] = ()
+    minimum: float = -np.inf
+    maximum: float = np.inf
+
+
 # Interface loads: pressure (m,) and shear (m,3) Pa on the panels, line_load (k,3) N/m on the lines.
 LOADS = ("pressure", "shear", "line_load")
 
@@ -101,6 +113,10 @@ class AeroModel:
     def remembers(self, values: Values) -> bool:
         """Whether its answer depends on the step before, so that the same flow twice is not the same answer."""
         return False
+
+    def repeated(self, values: Values) -> dict[str, Any]:
+        """Outputs that are others where the same flow is asked for again and nothing has to be solved."""
+        return {}
 
     def derivative(self, flow: Flow, values: Values, state: Any) -> Derivative:
         """Derivatives of the loads at a solved flow and its state, a function of directions (n,3) m of the nodes;

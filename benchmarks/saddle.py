@@ -145,6 +145,6 @@ ENTRIES = (
         fit=Fit("nodes", "time_s", "time ~ nodes", least=1000.0),
         labels={"nodes": "nodes", "unknowns": "unknowns", "newton_iterations": "Newton iterations"},
         note="Tension-only nets with lines at 0.5 of their initial length. PARDISO is measured where the extra "
-        "`pardiso` is installed; here on one thread, as SuperLU. Solves take it from 10000 unknowns on.",
+        "`pardiso` is installed; here on one thread, as SuperLU. Solves take it from 15000 unknowns on.",
     ),
 )

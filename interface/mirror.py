@@ -33,11 +33,16 @@ def canonical_faces(nodes):
 
 def mirror_rows(nodes, mirror, canonical=canonical_chains):
     """Row of the mirror image of each element (e,) with `nodes` (e,m), -1 where there is none; twins pair in order."""
+    return paired_rows(canonical(nodes), canonical(mirror[nodes]))
+
+
+def paired_rows(keys, images):
+    """Row of `keys` (e,m) that each row of `images` (e,m) equals, -1 where none does; equal ones pair in order."""
     places: dict[tuple[int, ...], list[int]] = {}
-    for row, key in enumerate(map(tuple, canonical(nodes).tolist())):
+    for row, key in enumerate(map(tuple, keys.tolist())):
         places.setdefault(key, []).append(row)
     rows, taken = [], dict.fromkeys(places, 0)
-    for key in map(tuple, canonical(mirror[nodes]).tolist()):
+    for key in map(tuple, images.tolist()):
         nth = taken.get(key, 0)
         rows.append(places[key][nth] if nth < len(places.get(key, ())) else -1)
         taken[key] = nth + 1
@@ -45,8 +50,8 @@ def mirror_rows(nodes, mirror, canonical=canonical_chains):
 
 
 def unique_half(images):
-    """Rows of the elements that stay under mirror symmetry, and how often each counts (1 or 2), from `mirror_rows`."""
-    if np.any(images < 0):
-        raise ValueError("an element has no mirror image although the structure is to be halved")
+    """Rows of the elements that stay under mirror symmetry, and how often each counts (1 or 2), from `mirror_rows`
+    where every element has an image.
+    """
     rows = np.flatnonzero(np.arange(len(images)) <= images)
     return rows, np.where(images[rows] == rows, 1.0, 2.0)

@@ -72,10 +72,6 @@ def run_scene(
 def _run_equilibrium(job: Job, live: bool, begin: float) -> int:
     """Run a scene of equilibria; the exit code."""
     scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
-    for name in RESULTS:  # so that what stands there is never of an earlier run
-        (out / name).unlink(missing_ok=True)
-    for side in ("structural", "aero"):
-        (out / "fmus" / f"{scene.name}_{side}.fmu").unlink(missing_ok=True)
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
     with pair(scene, choices["backend"], given, out) as coupling, progress(choices["tolerance"], live) as shown:
@@ -85,6 +81,7 @@ def _run_equilibrium(job: Job, live: bool, begin: float) -> int:
         if files.restart is not None:
             options["search"], remarks = restart.resumed(files.restart, coupling, used, job.about, job.assigned)
             remarks += job.remembered
+        job.clear(RESULTS)
         keeper = restart.Keeper(files.checkpoint, files.every, coupling, used, job.about)
         run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=keeper, **options)
         if run.status in ("converged", "statically_unstable"):

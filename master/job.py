@@ -1,5 +1,6 @@
 """A run of a scene that is asked for on the command line."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,15 @@ class Job:
         """What a checkpoint says of the run."""
         scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
         return {**scene, "parameters": _plain(self.given), **self.choices}
+
+    def clear(self, names: Iterable[str]) -> None:
+        """Remove files of these names, and FMUs that this run has not built: what stands in the folder is never of an
+        earlier run. Called when all input is known to be good.
+        """
+        for name in names:
+            (self.out / name).unlink(missing_ok=True)
+        for side in ("structural", "aero") if self.choices["backend"] == "in-process" else ():
+            (self.out / "fmus" / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
 
     @property
     def remembered(self) -> list[str]:

@@ -17,7 +17,7 @@ FIRST_PARALLEL = 1.0
 def kinds() -> dict[str, Kind]:
     """Name -> kind of every scheme that a module of `master.acceleration` offers (its KINDS)."""
     found: dict[str, Kind] = {}
-    for module in pkgutil.iter_modules(acceleration.__path__):
+    for module in pkgutil.iter_modules(acceleration.__path__):  # those without KINDS help the others
         found |= getattr(import_module(f"{acceleration.__name__}.{module.name}"), "KINDS", {})
     return dict(sorted(found.items(), key=lambda item: (item[1].place, item[0])))
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from interface.mirror import MIRROR, mirror_permutation, mirror_rows
+from interface.mirror import MIRROR, mirror_permutation
+from structural.dofs import frame_images
 
 MISFIT = 0.05  # part of the rest length
 TOGETHER = 1e-6  # m, as for mirror images
@@ -36,15 +37,21 @@ def asymmetry(members, groups):
     odd = np.flatnonzero(np.any(members.fixed != members.fixed[image], axis=1))
     if len(odd):
         return f"nodes {labels[odd[0]]} and {labels[image[odd[0]]]} are not held alike"
+    frames = np.zeros(0, dtype=int) if members.wing is None else members.wing.frames
+    try:
+        turned = frame_images(frames, image)
+    except ValueError:
+        return "a tube end that turns has no mirror image"
     for group in groups:
-        rows = mirror_rows(group.nodes, image, group.canonical)
+        rows = group.images(image, turned)
         if np.any(rows < 0):
             return f"element {group.label(int(np.argmin(rows)))} has no mirror image"
         for what, values in group.properties().items():
-            odd = np.flatnonzero(values != values[rows])
+            odd = np.flatnonzero((values != values[rows]).reshape(len(rows), -1).any(axis=1))
             if len(odd):
                 e, i = odd[0], rows[odd[0]]
-                return f"{what} of {group.label(e)} is {values[e]:.12g}, of {group.label(i)} {values[i]:.12g}"
+                one, two = (np.array2string(values[k], precision=12) for k in (e, i))
+                return f"{what} of {group.label(e)} is {one}, of {group.label(i)} {two}"
     odd = np.flatnonzero(np.abs(members.mass - members.mass[image]) > 1e-9 * members.mass.max(initial=0.0))
     if len(odd):
         a, b = odd[0], image[odd[0]]

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from aero.methods import methods
+from aero.methods import method_options, methods
+from aero.model import Option
 from interface.line_drag import FRICTION, NORMAL_DRAG
 
 from .scene_settings import INTEGRATION, options, setting, variant
@@ -138,10 +139,6 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
     "wing": {"struts": (_file, None), "sections": (_file, ...), "polars": (_file, ...)},
     "aero": {
         "method": (_method, "vortex-step"),
-        "induction": (_flag, True),
-        "direction": (_choice("bound", "control"), "bound"),
-        "circulation_speed": (_choice("local", "far"), "local"),
-        "section_force": (_choice("lift-drag", "normal"), "lift-drag"),
         "wind_speed": (_number(above=0.0), ...),
         "wind_direction": (_direction, [1.0, 0.0, 0.0]),
         "air_density": (_number(above=0.0), 1.225),
@@ -167,6 +164,21 @@ _KNOWN: dict[str, dict[str, tuple[Callable[[Any], Any], Any]]] = {
 }
 # Sections that a scene may do without.
 _OPTIONAL = ("wing", "aero", "trim", "dynamics")
+
+
+def known_keys(section: str, method: Any = None) -> dict[str, tuple[Callable[[Any], Any], Any]]:
+    """Key -> (check, default) of a section; [aero] has those of its method too, where that is one."""
+    keys = _KNOWN[section]
+    method = keys["method"][1] if section == "aero" and method is None else method
+    if section != "aero" or method not in methods():
+        return keys
+    return keys | {name: (_checked_option(option), option.default) for name, option in method_options(method).items()}
+
+
+def _checked_option(option: Option) -> Callable[[Any], Any]:
+    if isinstance(option.default, bool):
+        return _flag
+    return _choice(*option.choices) if option.choices else _number(low=option.minimum, high=option.maximum)
 
 
 def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -197,14 +209,15 @@ def read_description(folder: Path, settings: dict[str, Any]) -> tuple[dict[str, 
             f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
             "wing has a flow around its lines, or none)."
         )
-    for section, keys in _KNOWN.items():
+    for section in _KNOWN:
         given = content.get(section, {})
         if section in absent:
             checked[section] = None
             continue
         if not isinstance(given, dict):
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
-        checked[section] = _section(label, section, {**given, **changes.get(section, {})}, keys)
+        merged = {**given, **changes.get(section, {})}
+        checked[section] = _section(label, section, merged, known_keys(section, merged.get("method")))
     soft = [k for k in ("springs", "canopy", "tubes") if checked["structure"][k] is not None]
     if checked["aero"] is not None and checked["wing"] is None and soft:
         raise SceneError(

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from interface.mirror import mirror_permutation, mirror_rows, unique_half
 from interface.vectors import spin, turned
 
-from .dofs import RigidLinks, Unknowns, unknowns
+from .dofs import RigidLinks, Unknowns, frame_images, unknowns
 from .elements import Configuration, ElementGroup, translations
 from .loads import LoadGroup
 from .loads.carried import CarriedElements
@@ -99,30 +99,38 @@ class Assembly:
         self._links = RigidLinks(structure, self._wide, self.unknowns) if riding else None
         self._build_pattern()
 
-    def _half(self, group, mirror):
-        """Rows that are solved for, and how often each counts."""
-        if mirror is None:
+    def _halved(self, group):
+        """Rows of elements that are solved for, and how often each counts."""
+        if self._mirror is None:
             return np.arange(len(group)), np.ones(len(group))
-        return unique_half(mirror_rows(group.nodes, mirror, group.canonical))
+        images = group.images(self._mirror, frame_images(self.structure.frames, self._mirror))
+        if np.any(images < 0):
+            lone = group.label(int(np.argmax(images < 0)))
+            raise ValueError(f"element {lone} has no mirror image although the structure is to be halved.")
+        return unique_half(images)
 
-    def _surface_image(self, group, known):
-        """Mirror images of the nodes of a load group's surface; None where nothing is halved."""
-        if self._mirror is None or group.weights is None:
-            return self._mirror
-        if id(group.weights) not in known:
-            known[id(group.weights)] = mirror_permutation(group.weights @ self.structure.nodes)
-        if known[id(group.weights)] is None:
-            raise ValueError("the interface surface is not mirror-symmetric although the structure is")
-        return known[id(group.weights)]
+    def _halved_surface(self, name, group, known):
+        """As `_halved`, of a load group; `known` has the mirror images of the surfaces met so far."""
+        if self._mirror is None:
+            return np.arange(len(group)), np.ones(len(group))
+        mirror, surface = self._mirror, id(group.weights)
+        if group.weights is not None:
+            if surface not in known:
+                known[surface] = mirror_permutation(group.weights @ self.structure.nodes)
+            mirror = known[surface]
+        images = None if mirror is None else mirror_rows(group.nodes, mirror, group.canonical)
+        if images is None or np.any(images < 0):
+            raise ValueError(f"load group '{name}' is not mirror-symmetric although the structure is to be halved.")
+        return unique_half(images)
 
     def _build_pattern(self):
         u, s, images = self._wide, self.structure, {}
         n = len(s.nodes)
-        halves = [self._half(group, self._mirror) for group in s.groups]
-        blocks = [(g.select(rows).dofs(n), weight) for g, (rows, weight) in zip(s.groups, halves, strict=True)]
+        halves = [self._halved(group) for group in s.groups]
+        blocks = [(g.dofs(n)[rows], weight) for g, (rows, weight) in zip(s.groups, halves, strict=True)]
         carriers, entries = [], []
-        for group in s.load_groups.values():
-            rows, weight = self._half(group, self._surface_image(group, images))
+        for name, group in s.load_groups.items():
+            rows, weight = self._halved_surface(name, group, images)
             part = group.select(rows)
             if group.weights is None:
                 blocks.append((translations(part.nodes), weight))
@@ -171,15 +179,18 @@ class Assembly:
         Without `groups` those of the structure. ValueError for loads on a group that the structure does not have.
         """
         groups = self.structure.groups if groups is None else groups
+        if len(groups) != len(self._elements):
+            raise ValueError(f"the structure has {len(self._elements)} groups of elements; {len(groups)} are given.")
         parts = [place.part(group) for place, group in zip(self._elements, groups, strict=True)]
         return Prepared(parts, *self._seen(loads))
 
     def _seen(self, loads):
         """Loads of each load group that is solved for, dead forces (w,), skew stiffness of moments."""
-        for name in loads.on:
+        for name, load in loads.on.items():
             if name not in self._carriers:
                 known = ", ".join(self._carriers) or "none"
                 raise ValueError(f"the structure has no load group '{name}'; it has: {known}.")
+            self.structure.load_groups[name].require(load, name)
         on = [c.part(loads.on.get(name)) if len(c.rows) else None for name, c in self._carriers.items()]
         dead, skew = self._wide.gather(loads.dead), None
         if loads.moment is not None:
@@ -318,8 +329,9 @@ class Assembly:
     def energy(self, at, groups):
         """Strain energy J of all `groups` in a configuration; ValueError where the forces of one have none."""
         parts = [group.energy(at) for group in groups]
-        if any(part is None for part in parts):
-            raise ValueError("the forces of an element have no energy.")
+        if None in parts:
+            family = type(groups[parts.index(None)]).__name__
+            raise ValueError(f"{family} have no energy, so there is no balance of energies with them.")
         return sum(parts)
 
 

@@ -85,5 +85,11 @@ def interface_loads(pressure=None, shear=None, line_load=None):
     """Loads on the groups of `interface_groups`: `pressure` (p,) Pa and `shear` (p,3) Pa on the panels,
     `line_load` (k,3) N/m on the lines; what is None is not there.
     """
-    on: dict[str, Load] = {} if pressure is None or not len(pressure) else {PANELS: FaceLoad(pressure, shear)}
-    return on if line_load is None else on | {LINES: LineLoad(line_load)}
+    on: dict[str, Load] = {}
+    if pressure is None and shear is not None:
+        pressure = np.zeros(len(shear))
+    if pressure is not None and len(pressure):
+        on[PANELS] = FaceLoad(pressure, shear)
+    if line_load is not None and len(line_load):
+        on[LINES] = LineLoad(line_load)
+    return on

@@ -1,7 +1,9 @@
-"""Methods for the flow around a wing, a file each: what [aero] method in scene.toml may name, with - for _.
+"""Methods for the flow around a wing, a file each: what [aero] method in scene.toml may name, with - for _. Files whose
+name begins with _ are none.
 
 A file gives `wing_loads(options)`, the names of the interface loads (`aero.model.LOADS`) that its model sends, and
-`wing_model(wing)`, the model of a `Wing`. The first loads nothing of the model, so that a structure can ask.
+`wing_model(wing)`, the model of a `Wing`. The first loads nothing of the model, so that a structure can ask. Where
+[aero] has more to say of the method than all of them have, OPTIONS names these keys (`aero.model.Option`).
 """
 
 import pkgutil
@@ -9,12 +11,18 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from aero.model import AeroModel, Wing
+from aero.model import AeroModel, Option, Wing
 
 
 def methods() -> tuple[str, ...]:
     """The names of the methods that there are."""
-    return tuple(sorted(module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)))
+    names = (module.name for module in pkgutil.iter_modules(__path__) if not module.name.startswith("_"))
+    return tuple(sorted(name.replace("_", "-") for name in names))
+
+
+def method_options(method: str) -> dict[str, Option]:
+    """Keys of [aero] that a method has beside those of all."""
+    return getattr(_module(method), "OPTIONS", {})
 
 
 def wing_loads(method: str, options: Mapping[str, Any]) -> tuple[str, ...]:

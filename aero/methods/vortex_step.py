@@ -1,5 +1,14 @@
 """The vortex-step method: lifting-line strips with section polars; see `aero.vortex_step`."""
 
+from aero.model import Option
+
+OPTIONS = {
+    "induction": Option(True),
+    "direction": Option("bound", ("bound", "control")),
+    "circulation_speed": Option("local", ("local", "far")),
+    "section_force": Option("lift-drag", ("lift-drag", "normal")),
+}
+
 
 def wing_loads(options):
     """Pressure, and shear unless the polars are those of a plate that carries pressure only."""
@@ -10,7 +19,6 @@ def wing_model(wing):
     """A `VortexStepModel` on the strips of the wing."""
     from aero.vortex_step import SurfaceGrid, VortexStep, VortexStepModel
 
-    names = "induction", "direction", "circulation_speed", "section_force", "camber"
-    options = {name: wing.options[name] for name in names}
+    options = {name: wing.options[name] for name in (*OPTIONS, "camber")}
     grid = SurfaceGrid(wing.sections, wing.fractions)
     return VortexStepModel(VortexStep(wing.polars(), grid, **options), wing.symmetric)

@@ -116,6 +116,10 @@ class VortexStepModel(AeroModel):
             "newton_iterations": found.newton_iterations,
         }
 
+    def repeated(self, values):
+        """See AeroModel."""
+        return {"newton_iterations": 0}
+
     def derivative(self, flow: Flow, values, state):
         """See AeroModel. Exact to rounding: the circulation follows by the implicit function theorem, all else by
         complex steps (`WingSensitivity`); artificial viscosity counts where the loads contain it.

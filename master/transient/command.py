@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from master import checkpoint
 from master.acceleration import Scheme
 from master.exchange import Exchange
 from master.job import Job
@@ -42,7 +43,8 @@ def run_moving(
     """
     scene, choices, out = job.scene, job.choices, job.out
     _require(choices, live)
-    stop, dt = motion_times(scene, stop_time, step)
+    begun = 0.0 if job.files.restart is None else float(checkpoint.head(job.files.restart).get("time", 0.0))
+    stop, dt = motion_times(scene, stop_time, step, begun)
     table = None if inputs is None else Inputs.read(inputs)
     about = {**job.about, "stop_time": stop, "communication_step": dt}
     remarks = list(job.remembered)
@@ -50,12 +52,12 @@ def run_moving(
     with participants as pair:
         if table is not None:
             table.require(pair)
-        for name in RESULTS:  # so that what stands there is never of an earlier run
-            (out / name).unlink(missing_ok=True)
         ready = time.perf_counter()
         with Recorder(out, pair, scene) as recorder, _progress(stop) as shown:
 
             def follow(at: float, run: Simulation) -> None:
+                if recorder.fresh:
+                    job.clear(RESULTS)
                 recorder(at, run)
                 shown(at, run)
 
@@ -88,17 +90,22 @@ def scheme_parameters(choices: dict[str, Any]) -> dict[str, Any]:
     return PARAMETERS.get(choices["scheme"], {}) | given
 
 
-def motion_times(scene: Any, stop_time: float | None, step: float | None) -> tuple[float, float]:
-    """Stop time and communication step s, the scene's own where they are None."""
+def motion_times(scene: Any, stop_time: float | None, step: float | None, begun: float = 0.0) -> tuple[float, float]:
+    """Stop time and communication step s, the scene's own where they are None, of a run that begins at `begun` s."""
     dynamics = scene.content["dynamics"]
     stop = float(dynamics["stop_time"] if stop_time is None else stop_time)
     dt = float(dynamics["communication_step"] if step is None else step)
     for name, value in (("--stop-time", stop), ("--step", dt)):
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} must be a number of seconds above zero, not {value:g}.")
-    count = round(stop / dt)
-    if count < 1 or abs(count * dt - stop) > 1e-6 * dt:
-        raise ValueError(f"--stop-time {stop:g} s is no whole number of communication steps of {dt:g} s; change one.")
+    count = round((stop - begun) / dt)
+    if count < 0:
+        raise ValueError(f"--stop-time {stop:g} s lies before the {begun:g} s of the checkpoint; take a later one.")
+    if (count < 1 and not begun) or abs(count * dt - (stop - begun)) > 1e-6 * dt:
+        after = f" after the {begun:g} s of the checkpoint" if begun else ""
+        raise ValueError(
+            f"--stop-time {stop:g} s is no whole number of communication steps of {dt:g} s{after}; change one."
+        )
     return stop, dt
 
 

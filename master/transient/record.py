@@ -29,6 +29,11 @@ class Recorder:
         self._every = self._seen = 0
         self._rows: Rows | None = None
 
+    @property
+    def fresh(self) -> bool:
+        """Whether nothing has been taken down yet."""
+        return self._rows is None
+
     def __call__(self, at: float, run: Simulation) -> None:
         """Take down a communication step, or the start."""
         steps = run.steps

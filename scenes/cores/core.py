@@ -85,7 +85,11 @@ class Solver:
 
 
 class Core:
-    """Set / step / get / save / restore on the blocks of one solver, with derivatives where it has them."""
+    """Set / step / get / save / restore on the blocks of one solver, with derivatives where it has them.
+
+    A step that fails leaves all as it was: where it was the first, none has been made, and parameters that change
+    still move the start.
+    """
 
     def __init__(self, solver: Solver):
         self.solver = solver
@@ -114,7 +118,10 @@ class Core:
         if len(self._by_name) < len(self.variables):
             names = [v.name for v in self.variables]
             twice = next(n for n in names if names.count(n) > 1)
-            raise SceneError(f"{name}/scene.toml: two variables are named '{twice}'; rename the tape or load.")
+            raise SceneError(
+                f"{name}/scene.toml: two variables are named '{twice}', that of a tape, reel or load, or of an output "
+                "of a model; rename one."
+            )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -170,7 +177,7 @@ class Core:
             with np.errstate(all="ignore"):
                 seen = self.solver.look(self._values, self._state)
             if seen is not None:
-                self._commit(seen)
+                self._take(seen, finite=True)
                 self._outputs = Outputs.CURRENT
         except StepFailed:
             starts = {v.name: v.start for v in self.variables if v.causality == "output"}
@@ -187,7 +194,7 @@ class Core:
         else:
             self._outdate()
             with np.errstate(all="ignore"):
-                self._commit(solver.step(self._values, self._state, first, t, dt))
+                self._take(solver.step(self._values, self._state, first, t, dt), finite=True)
             self._outputs = Outputs.CURRENT
         self._started = True
 
@@ -232,16 +239,14 @@ class Core:
     def _outdate(self) -> None:
         self._outputs, self._derivative = Outputs.OUTDATED, None
 
-    def _take(self, result: Result) -> None:
-        self._values |= self._arrays(result)
-        self._state = self._state if result.state is None else result.state
-
-    def _commit(self, result: Result) -> None:
-        """Take a result whose values are all finite; StepFailed, and all as it was, if one is not."""
-        bad = next((k for k, v in self._arrays(result).items() if not np.isfinite(v).all()), None)
+    def _take(self, result: Result, finite: bool = False) -> None:
+        """Take a result over; where its values have to be `finite` and one is not, StepFailed, and all as it was."""
+        arrays = self._arrays(result)
+        bad = next((k for k, v in arrays.items() if not np.isfinite(v).all()), None) if finite else None
         if bad is not None:
             raise StepFailed(f"{bad} is not finite; what was set is too large.")
-        self._take(result)
+        self._values |= arrays
+        self._state = self._state if result.state is None else result.state
 
     def _arrays(self, result: Result) -> dict[str, np.ndarray]:
         shapes = {k: self._by_name[k].shape for k in result.values}

@@ -21,10 +21,13 @@ GUSTS = ("gust_speed", "gust_start", "gust_duration", "gust_interval")
 
 @dataclass(frozen=True, eq=False)
 class FlowState:
-    """End s of the last step, 0 where no wind depends on it, and what the models keep, None before the first step."""
+    """End s of the last step, 0 where no wind depends on it; what the models keep, None before the first step; and
+    whether one half was solved and mirrored.
+    """
 
     time: float = 0.0
     models: tuple[Any, ...] | None = None
+    symmetric: bool = False
 
 
 class FlowSolver(Solver):
@@ -38,16 +41,13 @@ class FlowSolver(Solver):
         self.name, self._scene, self._interface = scene.name, scene, scene.interface
         self._wing, self._lines = wing, lines
         self.models = tuple(m for m in (wing, lines) if m is not None)
+        self._outputs = [{v.name for v in m.variables if v.causality == "output"} for m in self.models]
         self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
         self.variables = tuple(self._declared(scene.content["aero"]))
-        if scene.moves:
-            self.refuses_derivatives = (
-                "the flow around a wing in motion has no directional derivatives; use another scheme."
-            )
-        elif wing is None:
-            self.refuses_derivatives = (
-                "the flow around lines alone has no directional derivatives; use a scheme that needs none."
-            )
+        around = "lines alone" if wing is None else "a wing in motion" if scene.moves else ""
+        if around:
+            remedy = "use a scheme that needs none"
+            self.refuses_derivatives = f"the flow around {around} has no directional derivatives; {remedy}."
 
     def _declared(self, content):
         yield from self._air(content)
@@ -57,7 +57,9 @@ class FlowSolver(Solver):
             text = "rigid nose-up rotation about the pivot in which the wing starts"
             limits = {"minimum": -3.2, "maximum": 3.2, "unit": "rad", "description": text}
             yield Variable("trim_angle", causality="parameter", variability="fixed", **limits)
-        yield from (v for v in of_models if v.name in LOADS)
+        # the order of value references in FMUs: in motion the loads on lines stand beside their sum
+        later = self._lines.variables if self._scene.moves and self._lines is not None else ()
+        yield from (v for v in of_models if v.name in LOADS and v not in later)
         if self._scene.moves:
             text, start = "wind speed with the gust", content["wind_speed"]
             yield Variable("present_wind_speed", causality="output", unit="m/s", start=start, description=text)
@@ -68,7 +70,7 @@ class FlowSolver(Solver):
                 text = "lift over drag of the wing and the exposed lines together"
                 yield Variable("glide_ratio", causality="output", description=text)
             shown = () if model is None else model.variables
-            yield from (v for v in shown if v.causality == "output" and v.name not in LOADS)
+            yield from (v for v in shown if v.causality == "output" and (v.name not in LOADS or v in later))
 
     def _air(self, content):
         of_node = partial(Variable, shape=(len(self._interface.nodes), 3), counts="interface node")
@@ -152,8 +154,8 @@ class FlowSolver(Solver):
 
     def repeated(self, values, state, first, t, dt):
         """See Solver."""
-        counted = "newton_iterations" in values and not first
-        return Result({"newton_iterations": 0} if counted else {}, replace(state, time=self._end(t, dt)))
+        out = {} if first else {k: v for m in self.models for k, v in m.repeated(values).items()}
+        return Result(out, replace(state, time=self._end(t, dt)))
 
     def look(self, values, state):
         """See Solver: the loads on the wing and the lines as they start."""
@@ -178,6 +180,10 @@ class FlowSolver(Solver):
     def _solved(self, values, flow, states, time):
         states = states or (None,) * len(self.models)
         found = [m.solve(flow, values, state) for m, state in zip(self.models, states, strict=True)]
+        for model, response, outputs in zip(self.models, found, self._outputs, strict=True):
+            if response.outputs.keys() != outputs:
+                odd = ", ".join(sorted(response.outputs.keys() ^ outputs))
+                raise TypeError(f"{model.title} does not give the outputs that it declares: they differ in {odd}.")
         out = {k: v for response in found for k, v in response.outputs.items()}
         if self._scene.moves:
             out["present_wind_speed"] = flow.speed
@@ -187,17 +193,20 @@ class FlowSolver(Solver):
             c = coefficients(force, flow.direction, 0.5 * flow.density * steady**2 * area)
             out |= {"CL": c.CL, "CD": c.CD, "CS": c.CS, "force": force, "moment": found[0].moment}
             out["glide_ratio"] = glide_ratio(whole, flow.direction)
-        return Result(out, FlowState(time, tuple(response.state for response in found)))
+        kept, symmetric = tuple(response.state for response in found), any(response.symmetric for response in found)
+        return Result(out, FlowState(time, kept, symmetric))
 
     def derivative(self, values, state):
         """Of the loads along directions in the displacement, on the shape of the last step."""
+        for model in self.models:
+            if model.remembers(values):
+                raise ValueError(f"{model.title} remembers the step before and has no directional derivatives.")
         flow = self._flow(values, float(values["wind_speed"]))
         along = [m.derivative(flow, values, kept) for m, kept in zip(self.models, state.models, strict=True)]
-        symmetric = bool(values.get("symmetry_used", False))
 
         def derivative(changes):
             change = changes.get("displacement", np.zeros_like(self._interface.nodes))
-            change = self._symmetric_part(change) if symmetric else change
+            change = self._symmetric_part(change) if state.symmetric else change
             return {k: v for model in along for k, v in model(change).items()}
 
         return derivative

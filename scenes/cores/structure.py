@@ -87,7 +87,7 @@ class StructuralModel:
         return self.mirror is not None and np.array_equal(self.members.fixed, self.members.fixed[self.mirror])
 
     def _symmetric_groups(self, *groups):
-        return symmetric_groups(groups, self.mirror)
+        return symmetric_groups(groups, self.mirror, self._structure.frames)
 
     @cached_property
     def images(self):

@@ -18,14 +18,14 @@ WEAKEST, STRONGEST = 1e-6, 1.0
 
 
 def force_density_start(assembly: Assembly, groups: Sequence[ElementGroup], loads: Loads, x0: np.ndarray):
-    """Node positions (n,3) m where every element pulls with s l / l0 and the loads are those at x0; None where elements
-    are no springs between two nodes, have no length, or nothing holds them.
+    """Node positions (n,3) m where every element pulls with s l / l0 and the loads are those at x0; None where there
+    are no springs or lines, some run through more than two nodes or have no length, or nothing holds them.
 
     With given force densities equilibrium is linear (Schek 1974): x = x_held + x_loaded / s with two solutions on one
     factorisation. The pull s is that for which the elements together have the length that they have under it.
     """
     chains = [g for g in groups if isinstance(g, Chains)]
-    if any(c.nodes.shape[1] != 2 or np.any(c.l0 <= 0.0) for c in chains):
+    if not chains or any(c.nodes.shape[1] != 2 or np.any(c.l0 <= 0.0) for c in chains):
         return None
 
     def pulling(c):

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from structural.assembly import Assembly
-from structural.elements import ElementGroup
+from structural.elements import Configuration, ElementGroup
 from structural.model import Loads
 from structural.solve.rounding import rounding_of_positions
 from structural.solve.statics import equilibrium
@@ -74,7 +74,8 @@ def form_finding(
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"the {name} must be a number above zero; it is {value:g}.")
     groups = tuple(assembly.structure.groups if groups is None else groups)
-    atol = max(atol, rounding_of_positions(groups, float(np.abs(x0).max(initial=0.0))))
+    at = Configuration(x0, assembly.start())
+    atol = max(atol, rounding_of_positions(groups, at, float(np.abs(x0).max(initial=0.0))))
     if method == "equilibrium":
         return _balanced(assembly, groups, loads, x0, atol)
     if method != "viscous":

@@ -3,6 +3,7 @@
 import numpy as np
 import scipy.sparse.linalg as spla
 
+from structural.elements import Configuration
 from structural.solve.linear import factorised
 from structural.solve.newton import Newton
 from structural.solve.rounding import rounding_of_positions, stiffest
@@ -22,11 +23,11 @@ SIMPLIFIED, CONTRACTION, QUICK = 12, 0.5, 0.05
 class StepProblem:
     """The system of a step for Newton's method; the unknowns are the displacement d (u,) m since its beginning."""
 
-    def __init__(self, motion: Motion, system: StepSystem, begin: np.ndarray):
+    def __init__(self, motion: Motion, system: StepSystem, begin: np.ndarray, at: Configuration):
         self._motion, self._system, self._begin = motion, system, begin
         a = motion.assembly
         self.turning, self.diagonal, self.norm, self._matrix = a.unknowns.turning, a.diagonal, a.unknowns.norm, a.matrix
-        self.stiffest = stiffest(motion.groups(system.t))
+        self.stiffest = stiffest(motion.groups(system.t), at)
         self._mass: Mass = motion.mass(system.t)
         self.scale: float | None = None  # norm N of forces and inertia of the first guess
 
@@ -74,9 +75,10 @@ class StepSolver:
         if isinstance(scheme, ImplicitEuler) and scheme.linear:
             return linear_step(motion, scheme, state, h), 1
         system = scheme.system(state, h)
-        reach = float(np.abs(motion.positions(state.q)).max(initial=0.0))
-        atol = max(self.atol, rounding_of_positions(motion.groups(system.t), reach))
-        problem = StepProblem(motion, system, state.q)
+        at = Configuration(motion.positions(state.q))
+        reach = float(np.abs(at.x).max(initial=0.0))
+        atol = max(self.atol, rounding_of_positions(motion.groups(system.t), at, reach))
+        problem = StepProblem(motion, system, state.q, at)
         d, count = self._simplified(problem, system, atol)
         flight = float(np.abs(system.start).max(initial=0.0))
         for start in (system.start, np.zeros_like(state.q)) if d is None else ():

@@ -14,7 +14,7 @@ Co-rotational in the sense of Rankin and Nour-Omid (1988) and Battini and Pacost
 chord and triads, the element needs no frame of its own.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -43,10 +43,6 @@ class Beams(ElementGroup):
     section: Any
     names: tuple[str, ...] = field(default=())
 
-    def with_section(self, section):
-        """The same elements with another section."""
-        return replace(self, section=section)
-
     def dofs(self, node_count):
         """Dofs (e,12): position and spin of either end."""
         first, second = node_count + self.frames[:, 0], node_count + self.frames[:, 1]
@@ -68,7 +64,11 @@ class Beams(ElementGroup):
         """See ElementGroup."""
         return beam_forces_and_tangents(at.x, at.rotations, self)
 
-    def rounding(self, reach):
+    def stiffness(self, at):
+        """None that counts: shifted by that along their axes, slow modes of bending would look stiff."""
+        return np.zeros(len(self))
+
+    def rounding(self, at, reach):
         """EA and 12 EI / l0^2 of bending; beams may be much shorter than their coordinates."""
         return (self.section.EA + 12.0 * self.section.initial_bending / self.l0**2) * np.maximum(1.0, reach / self.l0)
 

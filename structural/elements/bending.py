@@ -43,6 +43,10 @@ class BendingSprings(ElementGroup):
         """See ElementGroup."""
         return bending_energy(at.x, self)
 
+    def stiffness(self, at):
+        """See ElementGroup: of the middle node, which feels the bend most."""
+        return self.k * (1.0 / self.arms).sum(axis=1) ** 2
+
 
 def row_bending(nodes, x, stiffness):
     """Bending springs at the inner ones of a row of `nodes` (m,) at rest in the positions x (n,3) m.

@@ -87,11 +87,11 @@ class Chains(ElementGroup):
         """See ElementGroup."""
         return self if self.two_way.all() else replace(self, two_way=np.ones_like(self.two_way))
 
-    def slackening_stiffness(self):
+    def stiffness(self, at):
         """See ElementGroup."""
         return self.k
 
-    def rounding(self, reach):
+    def rounding(self, at, reach):
         """See ElementGroup."""
         return self.k * self.l0
 
@@ -137,12 +137,11 @@ def _tension(l, chains):
     return tension, chains.two_way | (stretch > -TOUCH * chains.l0)
 
 
-def chain_energy(x, chains, weight=None):
-    """Strain energy J of all elements, sum of k <stretch>^2 / 2, each counted `weight` (e,) times."""
+def chain_energy(x, chains):
+    """Strain energy J of all elements, sum of k <stretch>^2 / 2."""
     _, l, _, _ = _legs(x, chains)
     t, _ = _tension(l, chains)
-    energy = 0.5 * t * t / chains.k
-    return float(np.sum(energy if weight is None else weight * energy))
+    return float(np.sum(0.5 * t * t / chains.k))
 
 
 def _length_gradient(u):

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from interface.mirror import canonical_chains
+from interface.mirror import canonical_chains, paired_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,16 +42,18 @@ class ElementGroup:
         return self.names[row] if self.names else f"number {row + 1} of {type(self).__name__}"
 
     def select(self, rows):
-        """The chosen elements: `rows` of every array, of names, and of attributes that can `select` themselves."""
+        """The chosen elements: `rows` of every array with a row an element, of `names`, and of attributes that can
+        `select` themselves; whatever else there is holds for all elements.
+        """
 
-        def chosen(value):
-            if isinstance(value, np.ndarray):
+        def chosen(name, value):
+            if isinstance(value, np.ndarray) and value.ndim and len(value) == len(self):
                 return value[rows]
-            if isinstance(value, tuple):
+            if name == "names":
                 return tuple(np.array(value, dtype=object)[rows]) if value else value
             return value.select(rows) if hasattr(value, "select") else value
 
-        return replace(self, **{f.name: chosen(getattr(self, f.name)) for f in fields(self)})
+        return replace(self, **{f.name: chosen(f.name, getattr(self, f.name)) for f in fields(self) if f.init})
 
     # Where the elements stand in the structure
 
@@ -64,9 +66,23 @@ class ElementGroup:
         """Rows (e,m) of nodes in an order in which an element and one that lists its nodes otherwise are the same."""
         return canonical_chains(nodes)
 
+    def images(self, mirror, frame_images):
+        """Row of the mirror image of each element (e,), -1 where there is none: the one between the images of its nodes
+        and of the frames it turns with. `mirror` (n,) and `frame_images` (r,) are the images of all of them.
+        """
+        places = self.dofs(len(mirror)) // 3
+        frames = places[:, (places >= len(mirror)).any(axis=0)] - len(mirror)
+        keys = self.canonical(self.nodes), np.sort(frames, axis=1)
+        images = self.canonical(mirror[self.nodes]), np.sort(frame_images[frames], axis=1)
+        return paired_rows(np.hstack(keys), np.hstack(images))
+
     def properties(self):
-        """Name -> values (e,) that an element shares with its mirror image in a symmetric structure."""
-        return {}
+        """Name -> values (e,...) that an element shares with its mirror image in a symmetric structure, here every
+        array of numbers but `nodes` and other indices. Vectors count as they stand, so that a family that has some is
+        solved whole until it says here what is alike.
+        """
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {k: a for k, a in arrays.items() if isinstance(a, np.ndarray) and a.dtype.kind in "bfc"}
 
     # Forces
 
@@ -75,7 +91,12 @@ class ElementGroup:
         raise NotImplementedError
 
     def forces_and_tangents(self, at):
-        """Internal forces (e,d), and their derivatives (e,d,d) by the dofs: the consistent tangent."""
+        """Internal forces (e,d), and their derivatives (e,d,d) by the dofs: the consistent tangent.
+
+        Spins are rotations about fixed axes. Of an energy the tangent is the second derivative along them, which is
+        symmetric; the derivative of a moment m by the spin of its own frame has [m]x / 2 besides, which has to be taken
+        out: in equilibrium it cancels over the elements of a frame, and the assembly adds that of applied moments.
+        """
         raise NotImplementedError
 
     def energy(self, at):
@@ -114,15 +135,20 @@ class ElementGroup:
 
     # What solvers need to know of them
 
-    def slackening_stiffness(self):
-        """Stiffness (e,) N/m that an element loses when it goes slack; zero for those that never do."""
-        return np.zeros(len(self.nodes))
+    def stiffness(self, at):
+        """Stiffness (e,) N/m of each element in a configuration, a scale: what Newton's method shifts by where nothing
+        else is stiff, and what rounding of coordinates is multiplied by. Here the largest on the diagonal of its
+        tangent by positions.
+        """
+        tangents = self.forces_and_tangents(at)[1]
+        by_positions = self.dofs(len(at.x)) < 3 * len(at.x)
+        return np.max(np.abs(np.einsum("eii->ei", tangents)), axis=1, where=by_positions, initial=0.0)
 
-    def rounding(self, reach):
-        """Force (e,) N over machine epsilon by which rounding of lengths may change the forces of an element whose
+    def rounding(self, at, reach):
+        """Force (e,) N over machine epsilon by which rounding may change the forces of an element at rest, whose
         coordinates are up to `reach` m.
         """
-        return np.zeros(len(self.nodes))
+        return self.stiffness(at) * reach
 
     def softenable(self):
         """Largest force N, stiffness times length, of the elements that a difficult solve may begin with softened."""

@@ -13,7 +13,7 @@ class CarriedElements:
 
     def __init__(self, corners, weight, surface, unknowns):
         self.count, m = corners.shape
-        self._size, self._weight, self._unknowns = 3 * m, weight, unknowns
+        self._size, self._weight = 3 * m, weight
         of_nodes = sp.csr_array(surface)[corners.reshape(-1)]
         self._corner_map = of_nodes
         index, sign = (a[: len(unknowns.base)] for a in (unknowns.index, unknowns.sign))
@@ -29,7 +29,7 @@ class CarriedElements:
         return (self._corner_map @ x).reshape(self.count, -1, 3)
 
     def generalised(self, forces):
-        """Generalised forces (q,) N of forces (e, m, 3) N on the corners."""
+        """Generalised forces (w,) N of forces (e, m, 3) N on the corners."""
         return self._gather @ forces.reshape(-1)
 
     def stiffness_entries(self):

@@ -27,6 +27,8 @@ class FaceLoad(Load):
 class Faces(LoadGroup):
     """Faces `nodes` (p,4), of which a triangle repeats its last corner, or (p,3)."""
 
+    takes = FaceLoad
+
     @staticmethod
     def canonical(nodes):
         """See LoadGroup."""

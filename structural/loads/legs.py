@@ -21,6 +21,8 @@ class LineLoad(Load):
 class Lines(LoadGroup):
     """Legs `nodes` (k,2) that carry a `LineLoad`."""
 
+    takes = LineLoad
+
     def forces(self, points, load, velocities=None):
         """See LoadGroup."""
         return line_load_forces(points, load.per_length)
@@ -40,17 +42,17 @@ class Wind(Load):
     friction: float = FRICTION
     law: Literal["inclined", "projected"] = "inclined"
 
+    uniform = ("velocity",)
+
     def __post_init__(self):
         require_law(self.law)
-
-    def select(self, rows):
-        """The same wind: it blows everywhere."""
-        return self
 
 
 @dataclass(frozen=True, eq=False)
 class Legs(LoadGroup):
     """Legs `nodes` (k,2) of `diameter` (k,) m that stand in a `Wind`, for structures that carry their own air."""
+
+    takes = Wind
 
     diameter: np.ndarray
 

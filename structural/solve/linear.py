@@ -23,7 +23,7 @@ ACCURATE_PIVOT = 1e-3
 
 # Unknowns from which Newton steps take PARDISO where it is installed: a solve then lasts long enough that the 0.3 s of
 # loading it are little. Results differ from those of SuperLU by rounding, and from run to run with several threads.
-LARGE = 10_000
+LARGE = 15_000
 
 
 class Factors:

@@ -29,7 +29,7 @@ class Problem(Protocol):
 
     turning: np.ndarray  # which unknowns are spins, (q,) bool; the others are m
     diagonal: np.ndarray  # places of the diagonal in the data of the tangent, (q,)
-    stiffest: float  # stiffness N/m of the stiffest element that may go slack, 0 without any
+    stiffest: float  # stiffness N/m of the stiffest element, see `ElementGroup.stiffness`
 
     def residual_and_tangent(self, at: Any) -> tuple[np.ndarray, Any, float]:
         """Residual (q,) N, its derivative as a sparse (q,q) matrix, and the norm N that tolerances are relative to."""
@@ -176,11 +176,15 @@ class Newton:
         """Mean stiffness of the translations, N/m; where there are spins, of each kind for its own unknowns (q,)."""
         diagonal, turning = self._diagonal(), self.problem.turning
         if not turning.any():
-            return max(self._least, float(diagonal.mean()))
+            return self._mean(diagonal)
         scale = np.empty_like(diagonal)
         for kind in (turning, ~turning):
-            scale[kind] = max(self._least, float(diagonal[kind].mean())) if kind.any() else 0.0
+            scale[kind] = self._mean(diagonal[kind])
         return scale
+
+    def _mean(self, diagonal):
+        """Mean stiffness; where nothing has any, one that lets the residual move an unknown by 1 m or rad."""
+        return max(self._least, float(diagonal.mean())) or self.norm if len(diagonal) else 0.0
 
     def _along(self, step):
         """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.

@@ -34,7 +34,7 @@ class LoadSensitivity:
             self._factors = factorised(k, ACCURATE_PIVOT)
         except Singular:
             diagonal = np.abs(k.data[assembly.diagonal])
-            shift = SHIFT * np.maximum(diagonal, diagonal.mean())
+            shift = SHIFT * np.maximum(diagonal, diagonal.mean() or 1.0)
             self._factors = factorised(shifted(k, assembly.diagonal, shift), ACCURATE_PIVOT)
 
     def __call__(self, change):

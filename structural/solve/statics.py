@@ -50,7 +50,7 @@ class StaticProblem:
     def __init__(self, assembly: Assembly, prepared: Prepared, groups: Sequence[ElementGroup]):
         self._assembly, self._prepared = assembly, prepared
         self.turning, self.diagonal, self.norm = assembly.unknowns.turning, assembly.diagonal, assembly.unknowns.norm
-        self.stiffest = stiffest(groups)
+        self.stiffest = stiffest(groups, assembly.structure.reference)
 
     def residual_and_tangent(self, at):
         """See Problem; the norm is that of the external forces."""
@@ -89,7 +89,7 @@ def equilibrium(
     """
     groups = tuple(assembly.structure.groups if groups is None else groups)
     reach = float(np.abs(assembly.structure.nodes).max(initial=0.0))
-    tolerance = max(atol, rounding_force(groups, reach))
+    tolerance = max(atol, rounding_force(groups, assembly.structure.reference, reach))
     at = assembly.unknowns.restrict(x0), assembly.start(rotations)
 
     def begun(members, at, rtol):

@@ -217,7 +217,10 @@ def test_what_a_restart_through_time_may_change(tmp_path):
     assert "wind_speed as in the scene -> 9" in changed.output
     content = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert content["outputs"]["aero.present_wind_speed"] == 9.0
+    before = {p: p.read_bytes() for p in (tmp_path / "out").iterdir()}
     for more, said in (
+        (["--step", "0.15"], "no whole number of communication steps of 0.15 s after the 0.2 s of the checkpoint"),
+        (["--stop-time", "0.1"], "--stop-time 0.1 s lies before the 0.2 s of the checkpoint"),
         (["--set", "start_in_equilibrium=1"], "start_in_equilibrium is fixed once a run has begun"),
         (["--set", "line_area=projected"], "a setting of the scene cannot change"),
         (["--backend", "fmu"], "is of backend in-process"),
@@ -225,6 +228,7 @@ def test_what_a_restart_through_time_may_change(tmp_path):
         result = _cli(*words, "--stop-time", 0.4, "--restart", kept, *more)
         assert result.exit_code == 2
         assert said in result.output
+        assert before == {p: p.read_bytes() for p in (tmp_path / "out").iterdir()}
     other = _cli("v3_kite_dynamic", *words[1:], "--restart", kept)
     assert "is of scene tether_in_wind" in other.output
 
