@@ -167,12 +167,13 @@ _OPTIONAL = ("wing", "aero", "trim", "dynamics")
 
 
 def known_keys(section: str, method: Any = None) -> dict[str, tuple[Callable[[Any], Any], Any]]:
-    """Key -> (check, default) of a section; [aero] has those of its method too, where that is one."""
-    keys = _KNOWN[section]
-    method = keys["method"][1] if section == "aero" and method is None else method
-    if section != "aero" or method not in methods():
-        return keys
-    return keys | {name: (_checked_option(option), option.default) for name, option in method_options(method).items()}
+    """Key -> (check, default) of a section; [aero] has those of its method too, of every method where it names none."""
+    keys = dict(_KNOWN[section])
+    if section == "aero":
+        method = keys["method"][1] if method is None else method
+        for name in methods() if method not in methods() else (method,):
+            keys |= {key: (_checked_option(option), option.default) for key, option in method_options(name).items()}
+    return keys
 
 
 def _checked_option(option: Option) -> Callable[[Any], Any]:

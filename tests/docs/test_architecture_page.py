@@ -121,7 +121,7 @@ def plate(toys):
     """A copy of the typical section in the toy's flow."""
     folder = toys / "plate"
     shutil.copytree(scenes.load("typical_section").folder, folder)
-    text = (folder / "scene.toml").read_text()
+    text = re.sub(r"^(induction|section_force) = .*\n", "", (folder / "scene.toml").read_text(), flags=re.MULTILINE)
     (folder / "scene.toml").write_text(text.replace('method = "vortex-step"', 'method = "constant-pressure"'))
     return folder
 

@@ -104,7 +104,7 @@ def test_a_method_has_options_of_its_own(plate):
 
 def test_outputs_that_are_not_given_as_declared_are_named(plate):
     core = plate(change=lambda text: text.replace('"sent": 1.0}', '"extra": 1.0}')).cores()["aero"]
-    with pytest.raises(TypeError, match="a traction upwards .* they differ in extra, sent"):
+    with pytest.raises(TypeError, match=r"a traction upwards .* they differ in extra, sent"):
         core.step(0.0, 1.0)
 
 
