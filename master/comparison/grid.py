@@ -81,7 +81,7 @@ def grid(
         raise ValueError("--stop-time and --step are for scenes in motion, and none is compared; leave them out.")
     cells = []
     for scene, given, case in cases:
-        stop, step = motion_times(scene, **motion) if scene.moves else (None, None)
+        stop, step = motion_times(scene, motion.get("stop_time"), motion.get("step")) if scene.moves else (None, None)
         digest = f"{_digest(scene.folder, ['**/*'])}-{code}"
         for (name, chosen, label), order in itertools.product(variants, orders):
             shown = label if order == ORDERS[0] else f"{label} {order}"
