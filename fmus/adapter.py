@@ -12,7 +12,6 @@ import contextlib
 import hashlib
 import json
 import math
-import pickle
 from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -27,10 +26,11 @@ from fmus.accessors import ValueSlave
 from fmus.buffer import Buffer
 from fmus.description import add_variables, describe_model
 from fmus.sharing import end_cleanly, share_modules
-from interface import StepFailed, Variable
+from interface import StepFailed, Variable, records
 
 SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
-STATE = b"kitecosim state 2\n"  # what a serialised state begins with; its SHA-256 and a pickle follow
+STATE = b"kitecosim state "  # what a serialised state begins with; its layout, a line end, its SHA-256 and a record
+LAYOUT = 3  # of serialised states: 3 is `interface.records`; pickles were 2
 
 # The states of FMI 2.0 (section 4.2.4), and what each call is allowed in.
 INSTANTIATED, INITIALISING, STEPPING, TERMINATED = "instantiated", "initialising", "stepping", "terminated"
@@ -258,20 +258,22 @@ class CoreFmu(ValueSlave):
     @staticmethod
     def _fmu_state_to_bytes(state: Any) -> bytes:
         try:
-            content = pickle.dumps(state, protocol=5)
+            content = records.dumps(state)
         except BaseException as error:
-            content = pickle.dumps(f"The state cannot be serialised: {error}")
-        return STATE + hashlib.sha256(content).digest() + content
+            content = records.dumps(f"The state cannot be serialised: {error}")
+        return STATE + b"%d\n" % LAYOUT + hashlib.sha256(content).digest() + content
 
     @staticmethod
     def _fmu_state_from_bytes(state: bytes) -> Any:
         """A state, or the sentence that says why it is none, which is logged when it is restored."""
         try:
-            state = bytes(state)
-            digest, content = state[len(STATE) : len(STATE) + 32], state[len(STATE) + 32 :]
-            if not state.startswith(STATE) or hashlib.sha256(content).digest() != digest:
+            start, _, rest = bytes(state).partition(b"\n")
+            if start.startswith(STATE) and start != STATE + b"%d" % LAYOUT:
+                layout = start.removeprefix(STATE).decode("ascii")[:20]
+                return f"The serialised state has the layout {layout}; this FMU reads {LAYOUT}: save one with it."
+            if not start.startswith(STATE) or hashlib.sha256(rest[32:]).digest() != rest[:32]:
                 return "The bytes are not a serialised state of this FMU, or were changed."
-            return pickle.loads(content)
+            return records.loads(rest[32:])
         except BaseException as error:
             return f"The serialised state cannot be read: {error}"
 

@@ -233,3 +233,16 @@ def test_fmpy_simulates_it_as_any_other_fmu(toy_path):
     # The memory is 1, 1.5, 1.75, … = 2 − 2^(1−n) after n steps; sin of it is rounded once, here as there.
     memory = [2.0 - 2.0 ** (1 - n) for n in range(1, 5)]
     assert result["position[1,1]"].tolist() == [0.0, *np.sin(memory).tolist()]
+
+
+def test_a_serialised_state_of_another_layout_is_refused_by_its_number(toy):
+    state = toy.slave.getFMUstate()
+    content = bytes(toy.slave.serializeFMUstate(state))
+    assert content.startswith(b"kitecosim state 3\n")
+    assert b"pickle" not in content
+    old = toy.slave.deSerializeFMUstate(b"kitecosim state 2\n" + content.partition(b"\n")[2])
+    with pytest.raises(FMICallException, match="fmi2SetFMUstate"):
+        toy.slave.setFMUstate(old)
+    assert toy.log[-1] == (ERROR, "The serialised state has the layout 2; this FMU reads 3: save one with it.")
+    for one in (state, old):
+        toy.slave.freeFMUstate(one)
