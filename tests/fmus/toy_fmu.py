@@ -2,6 +2,7 @@
 
 import copy
 import weakref
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,10 +13,12 @@ TROUBLES = (None, StepFailed("The rope is torn at 100 % load."), TypeError("a bu
 SAVED = weakref.WeakSet()  # states that are alive
 
 
-class Saved(dict):
+@dataclass(frozen=True, eq=False)
+class Saved:
     """A saved state, of which a weak reference can be taken."""
 
-    __hash__ = object.__hash__
+    values: dict
+    memory: np.ndarray
 
 
 class Toy:
@@ -55,12 +58,12 @@ class Toy:
         v["position"], v["steps"], v["loaded"] = np.sin(self.memory), v["steps"] + 1.0, v["load"].any(axis=1) * 1.0
 
     def save(self):
-        state = Saved(values=copy.deepcopy(self.values), memory=self.memory.copy())
+        state = Saved(copy.deepcopy(self.values), self.memory.copy())
         SAVED.add(state)
         return state
 
     def restore(self, state):
-        self.values, self.memory = copy.deepcopy(state["values"]), state["memory"].copy()
+        self.values, self.memory = copy.deepcopy(state.values), state.memory.copy()
 
 
 class ToyFmu(CoreFmu):
