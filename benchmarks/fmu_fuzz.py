@@ -38,7 +38,7 @@ def unpacked(folder, chosen=tuple(SHARES)):
     from fmus.builder import build
 
     for name in dict.fromkeys(name for name, _ in chosen):
-        settings = COARSE if "canopy_stations" in scenes.load(name).content["settings"] else {}
+        settings = COARSE if "canopy_stations" in scenes.load(name).offers else {}
         for path in build(scenes.load(name, settings), folder):
             fmpy.extract(str(path), str(Path(folder) / path.stem))
     return {(name, side): Path(folder) / f"{name}_{side}" for name, side in chosen}

@@ -18,13 +18,13 @@ SETTINGS = {"line_drag": "off"}
 
 def published(name, settings=None):
     """Settings of a scene for a comparison with published figures: SETTINGS as far as the scene has them, and these."""
-    known = scenes.load(name).content["settings"]
+    known = scenes.load(name).offers
     return {**{k: v for k, v in SETTINGS.items() if k in known}, **(settings or {})}
 
 
 def has_setting(name, setting):
     """Whether a scene has a setting of this name."""
-    return setting in scenes.load(name).content["settings"]
+    return setting in scenes.load(name).offers
 
 
 def frozen(settings):

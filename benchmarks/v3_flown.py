@@ -60,7 +60,7 @@ def picture(path):
 
     run, _ = flown(12.0)
     scene, _ = loaded("v3_kite", wind_speed=12.0)
-    figure = shape_figure(final_state(scene, run), f"{scene.content['title']}, wind 12 m/s", run.status)
+    figure = shape_figure(final_state(scene, run), f"{scene.title}, wind 12 m/s", run.status)
     path.write_bytes(rendered(figure)["svg"])
 
 

@@ -35,6 +35,11 @@ class ValueSlave(Fmi2Slave):
     def _say(self, error: BaseException | str, status: Fmi2Status) -> str:
         """Log a sentence, and return it."""
 
+    def drained(self) -> list[tuple[int, str, str]]:
+        """Status, category and text of the messages logged so far, which are forgotten."""
+        messages, self.log_queue[:] = self.log_queue[:], []
+        return [(int(m.status), _utf8(m.category or "logStatusError"), _utf8(m.msg)) for m in messages]
+
     # As the binary of this project calls (fmus/binary/slave.c): memory that is valid during the call.
 
     def put(self, kind: str, references: memoryview, values: memoryview, whole: int) -> None:
@@ -91,3 +96,8 @@ class ValueSlave(Fmi2Slave):
     def get_string(self, vrs: list[int]) -> list[str]:
         self._say("There are no String variables.", Fmi2Status.error)
         return [""] * len(vrs)
+
+
+def _utf8(text: object) -> str:
+    """A text, without what UTF-8 has no bytes for, as of the name of a file that is not in UTF-8."""
+    return str(text).encode("utf-8", "backslashreplace").decode()

@@ -10,8 +10,8 @@ fmi2Fatal and a double free; so the step that follows a refusal is discarded too
 
 import contextlib
 import hashlib
-import json
 import math
+import sys
 from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,14 +21,14 @@ import numpy as np
 from pythonfmu import DefaultExperiment
 from pythonfmu.enums import Fmi2Status
 
-import scenes
 from fmus.accessors import ValueSlave
 from fmus.buffer import Buffer
 from fmus.description import add_variables, describe_model
-from fmus.sharing import end_cleanly, share_modules
+from fmus.sharing import end_cleanly
+from fmus.stored_scene import read_scene
 from interface import StepFailed, Variable, records
+from scenes import Scene
 
-SCENE_FILE = "scene.json"  # in the resources: folder, settings, start values of parameters
 STATE = b"kitecosim state "  # what a serialised state begins with; its layout, a line end, its SHA-256 and a record
 LAYOUT = 3  # of serialised states: 3 is `interface.records`; pickles were 2
 
@@ -62,8 +62,8 @@ class CoreFmu(ValueSlave):
 
     def __init__(self, core: Core | None = None, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        if self.resources is not None:
-            share_modules(Path(self.resources))
+        if self.resources is not None and str(self.resources) in sys.path:  # left there by a binary
+            sys.path.remove(str(self.resources))
         self._core = self._resource_core(Path(self.resources)) if core is None else core
         self._buffer = Buffer(self._core.variables)
         self.blocks = self._buffer.blocks
@@ -80,22 +80,20 @@ class CoreFmu(ValueSlave):
         self._time = 0.0
         self._fetch(self.blocks)
         if self.resources is not None:
-            share_modules(Path(self.resources))  # again, for packages inside packages that were loaded since
             end_cleanly(Path(self.resources))
 
     @staticmethod
-    def scene_core(scene: scenes.Scene) -> Core:
+    def scene_core(scene: Scene) -> Core:
         """The core that this FMU shows, from its scene."""
         raise NotImplementedError
 
     def _resource_core(self, resources: Path) -> Core:
-        content = json.loads((resources / SCENE_FILE).read_text(encoding="utf-8"))
-        scene = scenes.load(resources / content["folder"], content["settings"])
-        if scene.moves:
-            stop, step = scene.content["dynamics"]["stop_time"], scene.communication_step
+        scene, parameters = read_scene(resources)
+        if scene.dynamics is not None:
+            stop, step = scene.dynamics.stop_time, scene.communication_step
             self.default_experiment = DefaultExperiment(start_time=0.0, stop_time=stop, step_size=step)
         core = self.scene_core(scene)
-        for name, value in content["parameters"].items():
+        for name, value in parameters.items():
             core.set(name, np.array(value, dtype=float))
         return core
 

@@ -1,9 +1,9 @@
 """Builds the structural and the aerodynamic FMU of a scene: one zip each, the same bytes for the same inputs."""
 
+import functools
 import hashlib
 import importlib.util
 import io
-import json
 import os
 import platform
 import re
@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pythonfmu
 
-from fmus.adapter import SCENE_FILE, CoreFmu
+from fmus.adapter import CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.arrays import array_description
 from fmus.description import xml_file
@@ -26,17 +25,15 @@ from fmus.documentation import external_dependencies, page
 from fmus.documentation.licences import licences
 from fmus.documentation.picture import icon
 from fmus.documentation.reference import options, reference_tables
-from fmus.sharing import PACKAGES
+from fmus.private import BINARIES, SCRIPT, private_code, private_name, pythonfmu_folder, script_of, sources
+from fmus.stored_scene import scene_files
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
-NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder beside the files that it is made of
-BINARIES = Path("resources", "binaries")
+NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
 LINUX = {2: "linux64", 3: "x86_64-linux"}  # version of FMI -> what it calls the platform
-# What only building needs, and an FMU does not carry.
-BUILDING = {f"fmus/{name}.py" for name in ("arrays", "builder", "host", "ssp")}
-BUILDING |= {f"pythonfmu/{name}.py" for name in ("__main__", "csvbuilder", "deploy")}
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
+LOADED: tuple[str, dict[str, bytes]] = ("", {})  # private name of this process's own code, and module -> content
 
 
 def build(
@@ -77,7 +74,7 @@ def build(
         instance = slave(cores[side], instance_name=name)
         instance.description = f"{slave.title} of the scene {scene.name}"
         files = _scene_files(scene, side, instance, own, name, tables.get(side), fmi)
-        contents[name] = archive(name, instance, files, fmi, _unused(scene))
+        contents[name] = archive(name, instance, files, fmi, _unused(scene, side))
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
     return tuple(written(out / f"{name}.fmu", content) for name, content in contents.items())
@@ -103,11 +100,8 @@ def _scene_files(
     """What the FMU of one side of a scene carries of it: data, documentation, reference results, icon."""
     folder = Path(scene.folder).resolve()
     notices = {path.name for pattern in NOTICES for path in folder.glob(pattern)}
-    data = {folder / file for file in {*scene.files, *notices}}
-    files = {f"resources/scene/{folder.name}/{path.relative_to(folder).as_posix()}": path.read_bytes() for path in data}
-    content = {"folder": f"scene/{folder.name}", "settings": scene.settings, "parameters": parameters}
-    text = json.dumps(content, indent=1, sort_keys=True, default=lambda value: value.tolist())
-    files[f"resources/{SCENE_FILE}"] = text.encode()
+    files = {f"documentation/scene/{name}": (folder / name).read_bytes() for name in notices}
+    files |= {f"resources/{path}": content for path, content in scene_files(scene, side, parameters).items()}
     name = instance.modelName = _identifier(name)
     steps = 0
     if tables is not None:
@@ -125,10 +119,14 @@ def _identifier(name: str) -> str:
     return f"_{identifier}" if identifier[:1].isdigit() else identifier
 
 
-def _unused(scene: Scene) -> tuple[str, ...]:
-    """Beginnings of the paths of modules that the FMUs of a scene never load."""
+def _unused(scene: Scene, side: str) -> tuple[str, ...]:
+    """Beginnings of the paths of modules that the FMU of one side of a scene never loads."""
+    if side == "aero":
+        cores = "statics", "transient", "structur", "tapes", "holding", "tube_sections", "symmetry", "memory"
+        return ("structural/", *(f"scenes/cores/{name}" for name in cores))
+    flow = "aero/vortex_step/", "scenes/cores/flow"
     motion = "structural/dynamics/", "scenes/cores/transient"
-    return ("structural/solve/pardiso", *(("scenes/cores/statics",) if scene.moves else motion))
+    return ("structural/solve/pardiso", *flow, *(("scenes/cores/statics",) if scene.moves else motion))
 
 
 def archive(
@@ -141,12 +139,11 @@ def archive(
     not compiled.
     """
     instance.modelName = identifier = _identifier(name)
-    carried = {path: content for path, content in _package_sources().items() if not path.startswith(without)}
-    files = files | {f"resources/{path}": content for path, content in carried.items()}
-    script = _script(type(instance))
-    stem = script.rpartition("/")[2].removesuffix(".py")
-    files[f"resources/{stem}.py"] = files.get(f"resources/{script}") or Path(script).read_bytes()
-    files["resources/slavemodule.txt"] = stem.encode()
+    root, code = _code()
+    code = {path: content for path, content in code.items() if not path.partition("/")[2].startswith(without)}
+    files = files | {f"resources/{path}": content for path, content in code.items()}
+    stem, script = _script(type(instance), root)
+    files |= {f"resources/{stem}.py": script, "resources/slavemodule.txt": stem.encode()}
     files |= {f"binaries/{path}": content for path, content in _binaries(identifier, fmi).items()}
     files.setdefault("documentation/index.html", page(instance, own_binary=own_binary() is not None, fmi=fmi).encode())
     files["documentation/externalDependencies.txt"] = external_dependencies().encode()
@@ -158,23 +155,40 @@ def archive(
     return zipped({"modelDescription.xml": _description(instance, guid, fmi)} | dict(sorted(files.items())))
 
 
-def _pythonfmu() -> Path:
-    """The folder of PythonFMU with its binaries; where an FMU brought a copy along, that has none."""
-    for place in map(Path, pythonfmu.__path__):
-        if (place / BINARIES).is_dir():
-            return place
-    raise ValueError("The binaries of PythonFMU are not found; install pythonfmu to build FMUs.")
+def _code() -> tuple[str, dict[str, bytes]]:
+    """The name of the private package, and path -> content of the files in it."""
+    global LOADED
+    found = sources()
+    root = private_name(found)
+    code = _private(root, tuple(found.items()))
+    if not LOADED[0]:  # later files may have changed
+        LOADED = root, {_module_name(path): content for path, content in code.items()}
+    return root, code
 
 
-def _script(slave: type[CoreFmu]) -> str:
-    """Where the source of a class of slaves is: among the packages that FMUs carry, or elsewhere."""
-    package, _, name = slave.__module__.rpartition(".")
+def _module_name(path: str) -> str:
+    """What the private package calls the module of a file."""
+    return path.partition("/")[2].removesuffix(".py").removesuffix("__init__").rstrip("/").replace("/", ".")
+
+
+@functools.lru_cache(maxsize=1)
+def _private(root: str, code: tuple[tuple[str, bytes], ...]) -> dict[str, bytes]:
+    return private_code(dict(code), root)
+
+
+def _script(slave: type[CoreFmu], root: str) -> tuple[str, bytes]:
+    """Name and content of the module that a host makes instances from. What has other content has another name, since
+    a process has a module of a name once.
+    """
+    package, _, stem = slave.__module__.rpartition(".")
     if package == "fmus":
-        return f"fmus/{name}.py"
+        text = SCRIPT.format(title=slave.title, root=root, module=slave.__module__, name=slave.__name__)
+        return f"{stem}_{root.rpartition('_')[2]}", text.encode()
     module = importlib.util.find_spec(slave.__module__)
     if module is None or module.origin is None:
         raise ValueError(f"The source file of {slave.__name__} is not found.")
-    return module.origin
+    content = script_of(Path(module.origin).read_bytes(), root)
+    return f"{stem}_{hashlib.sha256(content).hexdigest()[:8]}", content
 
 
 def _binaries(identifier: str, fmi: int) -> dict[str, bytes]:
@@ -188,7 +202,7 @@ def _binaries(identifier: str, fmi: int) -> dict[str, bytes]:
             )
         return {f"{LINUX[fmi]}/{identifier}.so": own.read_bytes()}
     found = {}
-    for binary in (_pythonfmu() / BINARIES).glob("*/*"):
+    for binary in (pythonfmu_folder() / BINARIES).glob("*/*"):
         found[f"{binary.parent.name}/{identifier}{binary.suffix}"] = binary
     if own is not None:
         found[f"{LINUX[fmi]}/{identifier}.so"] = own
@@ -199,20 +213,6 @@ def own_binary() -> Path | None:
     """The binary of this project (fmus/binary); None where it was not compiled."""
     path = Path(__file__).with_name(f"_binary{sysconfig.get_config_var('EXT_SUFFIX')}")
     return path if sys.platform == "linux" and platform.machine() == "x86_64" and path.is_file() else None
-
-
-def _package_sources() -> dict[str, bytes]:
-    """Path -> content of the Python files of the solver packages and of PythonFMU that an FMU needs to run."""
-    sources = {}
-    for name in (*PACKAGES, "pythonfmu"):
-        root = _pythonfmu() if name == "pythonfmu" else Path(__file__).parents[1] / name
-        if not root.is_dir():
-            raise ValueError(f"The sources in {root} are gone, so that no FMU can carry them; start a new process.")
-        for path in root.glob("*.py") if name == "pythonfmu" else root.rglob("*.py"):
-            inside = f"{name}/{path.relative_to(root).as_posix()}"
-            if inside not in BUILDING and not {"tests", "__pycache__", "documentation"} & set(inside.split("/")):
-                sources[inside] = path.read_bytes()
-    return sources
 
 
 def _description(instance: CoreFmu, guid: str, fmi: int) -> bytes:

@@ -55,3 +55,8 @@ def unique_half(images):
     """
     rows = np.flatnonzero(np.arange(len(images)) <= images)
     return rows, np.where(images[rows] == rows, 1.0, 2.0)
+
+
+def symmetrised(values, image):
+    """The symmetric part of vectors (n,...,3) or scalars (n,) with the mirror `image` (n,) of each."""
+    return 0.5 * (values + values[image] * (MIRROR if values.ndim > 1 else 1.0))

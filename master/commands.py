@@ -157,15 +157,15 @@ def list_scenes(name: str | None = None) -> int:
     import scenes
 
     for scene in [scenes.load(one) for one in ([name] if name else scenes.available())]:
-        print(f"{scene.name}: {scene.content['title']}")
-        print(f"  {scene.content['description']}")
+        print(f"{scene.name}: {scene.title}")
+        print(f"  {scene.description}")
         print(f"  interface: {len(scene.interface.nodes)} nodes, {len(scene.interface.panels)} panels")
-        if scene.moves:
-            stop = scene.content["dynamics"]["stop_time"]
+        if scene.dynamics is not None:
+            stop = scene.dynamics.stop_time
             print(f"  in motion: to {stop:g} s in communication steps of {scene.communication_step:g} s")
-        for key, option in scene.content["settings"].items():
-            choices = f" ({' | '.join(map(str, option['options']))})" if "options" in option else ""
-            print(f"  setting   {key} = {option['default']}{choices}  {option.get('description', '')}")
+        for key, option in scene.offers.items():
+            choices = f" ({' | '.join(option.options)})" if option.options else ""
+            print(f"  setting   {key} = {option.default}{choices}  {option.description}")
         shown = set()
         for core in scene.cores().values():
             for v in core.variables:
@@ -210,7 +210,7 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
     import scenes
 
     defaults = scenes.load(name)
-    settings = {k: v for k, v in assigned.items() if k in defaults.content["settings"]}
+    settings = {k: v for k, v in assigned.items() if k in defaults.offers}
     scene = scenes.load(name, settings) if settings else defaults
     cores = tuple(scene.cores().values())
     parameters: dict[str, Any] = {}
@@ -220,7 +220,7 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
         owners = [(c, v) for c in cores for v in c.variables if v.name == key and v.causality == "parameter"]
         if not owners:
             known = sorted({v.name for c in cores for v in c.variables if v.causality == "parameter"})
-            chosen = ", ".join([*defaults.content["settings"], *known])
+            chosen = ", ".join([*defaults.offers, *known])
             raise ValueError(f"scene '{scene.name}' has no setting or parameter '{key}'; it has: {chosen}.")
         value = _number(key, text, owners[0][1])
         for core, _ in owners:

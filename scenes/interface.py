@@ -1,15 +1,11 @@
-"""The interface mesh between structure and flow, and the linear map that hangs it on the structural nodes."""
+"""The interface mesh between structure and flow, hung on the structural nodes by a linear map."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from interface import SurfaceMesh
-from interface.mesh import station_panels
-
-CHORD_FRACTIONS = np.array([0.0, 0.5, 1.0])
-ROUNDING = 1e-12  # of weights of order one
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,136 +21,3 @@ class Interface(SurfaceMesh):
     sections: np.ndarray
     fractions: np.ndarray
     span: np.ndarray
-
-
-def arc_fraction(points):
-    """Arc length along points (n,3) from 0 to 1, (n,)."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return length / length[-1]
-
-
-def structural_interface(nodes, struts, per_bay):
-    """Sections on the struts (b+1, 2: leading and trailing edge node) and `per_bay` strips between two of them."""
-    bays = len(struts) - 1
-    count = bays * per_bay
-    station = np.arange(count + 1)
-    bay = np.minimum(station // per_bay, bays - 1)
-    eta = (station - bay * per_bay) / per_bay
-    weights = _bilinear(len(nodes), struts, np.repeat(bay, 3), np.tile(CHORD_FRACTIONS, count + 1), np.repeat(eta, 3))
-    strut_span = arc_fraction(nodes[struts[:, 0]])
-    span = strut_span[bay] + eta * (strut_span[np.minimum(bay + 1, bays)] - strut_span[bay])
-    return _interface(weights @ nodes, weights, span)
-
-
-def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
-    """Sections (d,3) of the design wing riding on the struts.
-
-    Every interface node is an affine combination of the strut nodes around it: the bilinear weights of its projection
-    on the bay, extended beyond the edges, plus the smallest change that hits the point exactly. Affine combinations
-    turn with the structure, so rigid motion, force, moment and virtual work are kept exactly.
-    """
-    count = (len(struts) - 1) * per_bay
-    at = np.linspace(0.0, len(leading_edge) - 1.0, count + 1)
-    k = np.minimum(at.astype(int), len(leading_edge) - 2)
-    f = (at - k)[:, None]
-    le = leading_edge[k] + f * (leading_edge[k + 1] - leading_edge[k])
-    te = trailing_edge[k] + f * (trailing_edge[k + 1] - trailing_edge[k])
-    span_of = arc_fraction(leading_edge)
-    span = span_of[k] + f[:, 0] * (span_of[k + 1] - span_of[k])
-    points = (le[:, None] + CHORD_FRACTIONS[:, None] * (te - le)[:, None]).reshape(-1, 3)
-    bay, xi, eta = _project(points, nodes, struts)
-    weights = _bilinear(len(nodes), struts, bay, xi, eta).tolil()
-    bays = len(struts) - 1
-    for i, (p, b) in enumerate(zip(points, bay, strict=True)):  # once, when the scene is built
-        around = struts[max(b - 1, 0) : min(b + 2, bays) + 1].reshape(-1)
-        a = np.vstack([nodes[around].T, np.ones(len(around))])
-        w = weights[[i], around].toarray().ravel()
-        weights[[i], around] = w + np.linalg.lstsq(a, np.append(p, 1.0) - a @ w, rcond=None)[0]
-    weights = sp.csr_array(weights)
-    weights.data[np.abs(weights.data) <= ROUNDING] = 0.0
-    weights.eliminate_zeros()
-    return _interface(points, weights, span)
-
-
-def grid_interface(nodes, grid):
-    """The canopy grid (columns, stations) of structural nodes (n,3) itself: its nodes are the interface nodes."""
-    flat = grid.reshape(-1)
-    weights = sp.csr_array((np.ones(len(flat)), (np.arange(len(flat)), flat)), shape=(len(flat), len(nodes)))
-    sections = np.arange(len(flat)).reshape(grid.shape)
-    fractions = np.linspace(0.0, 1.0, grid.shape[1])
-    panels = station_panels(sections)
-    return Interface(nodes[flat], panels, weights, sections, fractions, arc_fraction(nodes[grid[:, 0]]))
-
-
-def lines_interface(nodes):
-    """The interface of a structure (n,3) m without a wing, to which `with_lines` adds all that it has."""
-    none = np.zeros((0, 3))
-    sections, panels = np.zeros((0, 3), dtype=int), np.zeros((0, 4), dtype=int)
-    return Interface(none, panels, sp.csr_array((0, len(nodes))), sections, CHORD_FRACTIONS, np.zeros(0))
-
-
-def with_lines(interface, nodes, legs, diameter):
-    """The interface with the lines `legs` (k,2) of structural nodes (n,3) and their `diameter` (k,) m added.
-
-    A line ends at the interface node that is its structural node already, where there is one, else at a new node.
-    """
-    weights = interface.weights
-    single = np.flatnonzero(np.diff(weights.indptr) == 1)
-    single = single[np.abs(weights.data[weights.indptr[single]] - 1.0) <= ROUNDING]
-    place = np.full(len(nodes), -1)
-    place[weights.indices[weights.indptr[single]]] = single
-    new = np.setdiff1d(legs, np.flatnonzero(place >= 0))
-    place[new] = len(interface.nodes) + np.arange(len(new))
-    unit = sp.csr_array((np.ones(len(new)), (np.arange(len(new)), new)), shape=(len(new), len(nodes)))
-    return replace(
-        interface,
-        nodes=np.concatenate([interface.nodes, nodes[new]]),
-        weights=sp.csr_array(sp.vstack([weights, unit])),
-        lines=place[legs],
-        diameter=diameter,
-    )
-
-
-def _interface(nodes, weights, span):
-    sections = np.arange(len(nodes)).reshape(-1, 3)
-    panels = station_panels(sections)
-    return Interface(nodes, panels, sp.csr_array(weights), sections, CHORD_FRACTIONS, span)
-
-
-def _bilinear(node_count, struts, bay, xi, eta):
-    """Weights (points, nodes) of points at chord fraction xi and span fraction eta of their bays."""
-    rows = np.repeat(np.arange(len(bay)), 4)
-    columns = np.stack([struts[bay, 0], struts[bay, 1], struts[bay + 1, 0], struts[bay + 1, 1]], axis=1)
-    values = np.stack([(1 - xi) * (1 - eta), xi * (1 - eta), (1 - xi) * eta, xi * eta], axis=1)
-    weights = sp.coo_array((values.ravel(), (rows, columns.ravel())), shape=(len(bay), node_count)).tocsr()
-    weights.eliminate_zeros()
-    return weights
-
-
-def _project(points, nodes, struts):
-    """Bay, xi and eta (p,) of the nearest point on the bilinear bays, extended beyond their chord and at the tips."""
-    bays = len(struts) - 1
-    le, te = nodes[struts[:, 0]], nodes[struts[:, 1]]
-    best = np.full(len(points), np.inf)
-    out = np.zeros(len(points), dtype=int), np.zeros(len(points)), np.zeros(len(points))
-    for b in range(bays):
-        xi, eta = np.full(len(points), 0.5), np.full(len(points), 0.5)
-        for _ in range(30):  # Gauss-Newton
-            a = le[b] + eta[:, None] * (le[b + 1] - le[b])
-            c = te[b] + eta[:, None] * (te[b + 1] - te[b])
-            d_xi = c - a
-            d_eta = (1 - xi)[:, None] * (le[b + 1] - le[b]) + xi[:, None] * (te[b + 1] - te[b])
-            j = np.stack([d_xi, d_eta], axis=2)
-            gap = points - (a + xi[:, None] * d_xi)
-            step = np.linalg.solve(np.einsum("pki,pkj->pij", j, j), np.einsum("pki,pk->pi", j, gap)[..., None])[..., 0]
-            xi, eta = xi + step[:, 0], eta + step[:, 1]
-        low = -np.inf if b == 0 else 0.0
-        high = np.inf if b == bays - 1 else 1.0
-        eta = np.clip(eta, low, high)
-        on_bay = _bilinear(len(nodes), struts, np.full(len(points), b), xi, eta) @ nodes
-        distance = np.linalg.norm(points - on_bay, axis=1)
-        closer = distance < best - 1e-9
-        best = np.where(closer, distance, best)
-        for target, value in zip(out, (np.full(len(points), b), xi, eta), strict=True):
-            target[closer] = value[closer]
-    return out

@@ -1,18 +1,49 @@
 """The members of a scene: nodes, elements in groups and masses, at the scene's scale."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from structural import BendingSprings, Chains
+from .schema import SceneError
 
-from .connections import check_connected
-from .element_tables import Element, canopy_bending, canopy_quads, lines, mass_shares, point_masses, springs
-from .tables import SceneError, name, number, read_table
-from .wing_mesh import WingMesh
-from .wing_tables import check_wing_keys, wing_masses, wing_of
+if TYPE_CHECKING:
+    from structural import BendingSprings, Chains
+
+
+@dataclass(frozen=True, eq=False)
+class Tubes:
+    """Beams of inflated tubes: `ends` (e,2) nodes, `frames` (e,2), `radius` (e,) m at their middle, `names` (e,) and
+    the `names_of_tubes` they are parts of.
+    """
+
+    ends: np.ndarray
+    frames: np.ndarray
+    radius: np.ndarray
+    names: tuple[str, ...]
+    tube: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class WingMesh:
+    """What the mesher adds to the nodes of the tables.
+
+    `nodes` (n,3) m and `labels`, those of the tables first; `grid` (columns, stations) node indices of the canopy from
+    the left tip to the right one and from leading to trailing edge; `tubes`; `frames` (r,) the node of each frame;
+    `riders` and `carriers` (k,) rigid links; `springs` the canopy as (name, ends, rest length m, stiffness N/m),
+    tension only; `canopy_mass` (n,) kg and `tube_length` (n,) m, the share of each node.
+    """
+
+    nodes: np.ndarray
+    labels: tuple[str, ...]
+    grid: np.ndarray
+    tubes: Tubes
+    frames: np.ndarray
+    riders: np.ndarray
+    carriers: np.ndarray
+    springs: list[tuple[str, tuple[int, int], float, float]]
+    canopy_mass: np.ndarray
+    tube_length: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +60,24 @@ class Members:
     nodes: np.ndarray
     fixed: np.ndarray
     labels: tuple[str, ...]
-    chains: tuple[Chains, ...]
+    chains: "tuple[Chains, ...]"
     area: np.ndarray
     mass: np.ndarray
     wing_mass: np.ndarray
     wing: WingMesh | None = None
-    bending: tuple[BendingSprings, ...] = ()
+    bending: "tuple[BendingSprings, ...]" = ()
+
+    def meshed(self) -> "Members":
+        """Without what only the mesher of an inflatable wing and reports know."""
+        if self.wing is None:
+            return self
+        none = np.zeros(0)
+        return replace(self, wing=replace(self.wing, labels=(), springs=[], canopy_mass=none, tube_length=none))
+
+    def bare(self) -> "Members":
+        """The nodes alone, without elements and names."""
+        none = np.zeros(0)
+        return Members(self.nodes, np.zeros((0, 3), bool), (), (), none, none, none)
 
     def node(self, label: str, where: str) -> int:
         """Index of a node; raises `SceneError` naming the row `where` it is asked for."""
@@ -77,126 +120,16 @@ class Members:
         return tuple(n for group in self.chains for n in group.names)
 
 
-def read_members(folder: Path, structure: dict[str, Any], settings: dict[str, Any] | None = None) -> Members:
-    """All members of the [structure] section, checked: missing and duplicate nodes and names, dangling lines."""
-    settings = settings or {}
-    check_wing_keys(folder, structure, settings)
-    labels, nodes, fixed = _nodes(folder / structure["nodes"])
-    wing = None
-    if structure["tubes"]:
-        wing = wing_of(folder, structure, settings, labels, nodes, fixed)
-        labels, nodes = wing.labels, wing.nodes
-        fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
-    table_index = {label: i for i, label in enumerate(labels)}
-    elements: list[Element] = []
-    taken: dict[str, str] = {}
-    for key, read in (("springs", springs), ("canopy", canopy_quads), ("lines", lines)):
-        if structure[key]:
-            for element, where in read(folder / structure[key], table_index, nodes, structure):
-                if element.name in taken:
-                    raise SceneError(
-                        f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename."
-                    )
-                taken[element.name] = where
-                elements.append(element)
-    if wing is not None:
-        for label, ends, l0, k in wing.springs:
-            if label in taken:
-                raise SceneError(f"{taken[label]}: the canopy of the wing has a part named '{label}'; rename the row.")
-            elements.append(Element(label, ends, l0, k, 0.0, False, 0.0, True))
-    if not elements:
-        raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
-    mass = np.zeros(len(nodes))
-    of_wing = np.zeros(len(nodes)) if wing is None else wing_masses(folder, structure, wing)
-    for e in elements:
-        share = mass_shares(nodes[list(e.nodes)]) * e.mass
-        np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
-    if structure["masses"]:
-        point_masses(folder / structure["masses"], table_index, mass)
-    check_connected(folder, structure, labels, fixed, elements, wing)
-    groups, area = _grouped(elements)
-    bending = _bending(folder, structure, table_index, nodes)
-    members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing, bending)
-    return members if settings.get("scale", 1.0) == 1.0 else _scaled(members, float(settings["scale"]))
-
-
-def _bending(folder, structure, index, nodes):
-    stiffness = structure["canopy_bending_stiffness"]
-    if stiffness is None:
-        return ()
-    if not structure["canopy"]:
-        where = f"{folder.name}/scene.toml: [structure] canopy_bending_stiffness"
-        raise SceneError(f"{where} is that of a table 'canopy' of quads; add one or drop it.")
-    return canopy_bending(folder / structure["canopy"], index, nodes, stiffness)
-
-
-def _scaled(members, factor):
-    """A geometrically similar kite: lengths and diameters by the factor, fabrics the same.
-
-    All masses go with the square of the factor, as those of the fabric do; stiffnesses of springs and fabric stay,
-    those of lines follow their modulus.
+@dataclass(frozen=True, eq=False)
+class PointLoad:
+    """A dead load that a scene offers as parameter `name`, `start` N at first: on each of the `nodes` (k,) in its
+    direction of `directions` (k,3), unit vectors.
     """
-    wing = members.wing
-    if wing is not None:
-        tubes = replace(wing.tubes, radius=factor * wing.tubes.radius)
-        wing = replace(wing, nodes=factor * wing.nodes, tubes=tubes)
-    groups, start = [], 0
-    for group in members.chains:
-        line = members.area[start : start + len(group.l0)] > 0.0
-        start += len(group.l0)
-        groups.append(replace(group, l0=factor * group.l0, k=np.where(line, factor * group.k, group.k)))
-    bending = tuple(replace(b, arms=factor * b.arms, k=b.k) for b in members.bending)  # EI ~ width, k = EI / arm
-    return replace(
-        members,
-        nodes=factor * members.nodes,
-        bending=bending,
-        chains=tuple(groups),
-        area=factor**2 * members.area,
-        mass=factor**2 * members.mass,
-        wing_mass=factor**2 * members.wing_mass,
-        wing=wing,
-    )
 
-
-def _nodes(path: Path):
-    table = read_table(path, {"node": name, "x_m": number, "y_m": number, "z_m": number, "fixed": _directions})
-    seen: dict[str, int] = {}
-    for row, label in enumerate(table["node"]):
-        if label in seen:
-            raise SceneError(
-                f"{table.at(row)}: node '{label}' stands already in row {table.lines[seen[label]]}; rename it."
-            )
-        seen[label] = row
-    nodes = np.array([table["x_m"], table["y_m"], table["z_m"]]).T
-    fixed = np.array([[axis in f for axis in "xyz"] for f in table["fixed"]])
-    if not fixed.any():
-        raise SceneError(
-            f"{table.path.parent.name}/{path.name}: no node is fixed; put xyz into 'fixed' of at least one."
-        )
-    return tuple(table["node"]), nodes, fixed
-
-
-def _directions(text: str) -> str:
-    if set(text) - set("xyz"):
-        raise ValueError
-    return text
-
-
-def _grouped(elements):
-    order = sorted(range(len(elements)), key=lambda i: len(elements[i].nodes))
-    groups = []
-    for size in sorted({len(e.nodes) for e in elements}):
-        part = [elements[i] for i in order if len(elements[i].nodes) == size]
-        groups.append(
-            Chains(
-                np.array([e.nodes for e in part]),
-                np.array([e.l0 for e in part], float),
-                np.array([e.k for e in part], float),
-                np.array([e.two_way for e in part], bool),
-                tuple(e.name for e in part),
-            )
-        )
-    return tuple(groups), np.array([elements[i].area for i in order])
+    name: str
+    nodes: np.ndarray
+    directions: np.ndarray
+    start: float
 
 
 def with_rest_lengths(chains, rest, stiffness):

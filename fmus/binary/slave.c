@@ -41,7 +41,6 @@ static struct {
     void (*clear)(void);
     void *(*string)(void *);
     void (*release)(void *);
-    void *(*import)(const char *);
     int (*running)(void);
 } py;
 
@@ -51,8 +50,7 @@ static const char *const NAMES[] = {
     "Py_CompileString", "PyEval_EvalCode", "PyDict_GetItemString", "PyMemoryView_FromMemory", "PyList_GetItem",
     "PyList_Size", "PyTuple_GetItem", "PyLong_AsLong", "PyUnicode_AsUTF8AndSize", "PyBytes_AsStringAndSize",
     "PyObject_IsTrue", "PyEval_SaveThread", "PyEval_RestoreThread", "PyGILState_GetThisThreadState", "PyErr_Fetch",
-    "PyErr_Restore", "PyErr_NormalizeException", "PyErr_Clear", "PyObject_Str", "Py_DecRef", "PyImport_ImportModule",
-    "Py_IsInitialized"};
+    "PyErr_Restore", "PyErr_NormalizeException", "PyErr_Clear", "PyObject_Str", "Py_DecRef", "Py_IsInitialized"};
 
 _Static_assert(sizeof py / sizeof(void *) == sizeof NAMES / sizeof *NAMES, "every function of Python has its name");
 
@@ -61,8 +59,16 @@ static const char MAKE[] =
     "import sys\n"
     "sys.path.insert(0, resources)\n"
     "try:\n"
-    "    from fmus.instance import instance\n"
-    "    made = instance(resources, name, bool(visible))\n"
+    "    with open(resources + '/slavemodule.txt', encoding='utf-8') as file:\n"
+    "        module = __import__(file.read().strip())\n"
+    "    if hasattr(module, 'slave_class'):\n"
+    "        slaves = [module.slave_class(resources)]\n"
+    "    else:\n"
+    "        own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]\n"
+    "        slaves = [v for v in own if hasattr(v, 'do_step')]\n"
+    "    if not slaves:\n"
+    "        raise ValueError(module.__name__ + '.py has no class with a method do_step.')\n"
+    "    made = slaves[-1](instance_name=name, resources=resources, visible=bool(visible))\n"
     "finally:\n"
     "    if resources in sys.path:\n"
     "        sys.path.remove(resources)\n";
@@ -151,8 +157,7 @@ static void hear_messages(Slave *slave)
 {
     if (py.list_size(slave->queue) < 1)
         return;
-    void *const module = py.import("fmus.instance");
-    void *const messages = module != NULL ? py.call(module, "drained", "(O)", slave->queue) : NULL;
+    void *const messages = py.call(slave->object, "drained", NULL);
     for (long i = 0; messages != NULL && i < py.list_size(messages); ++i) {
         void *const message = py.list_item(messages, i); /* its texts last as long as the list */
         const char *const category = py.text(py.tuple_item(message, 1), NULL);
@@ -165,7 +170,6 @@ static void hear_messages(Slave *slave)
     if (messages == NULL)
         say_raised(slave);
     py.release(messages);
-    py.release(module);
 }
 
 /* Ends a call that has given `result`, which is released unless `kept` takes it. */

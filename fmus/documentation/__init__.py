@@ -119,8 +119,8 @@ def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
     physics = _structure(scene) if side == "structural" else _flow(scene)
     settings = ", ".join(f"<code>{html.escape(f'{key} = {value}')}</code>" for key, value in scene.settings.items())
     return texts.MODEL.format(
-        name=html.escape(str(scene.content.get("title") or scene.name)),
-        about=html.escape(str(scene.content.get("description") or "")),
+        name=html.escape(str(scene.title or scene.name)),
+        about=html.escape(scene.description),
         physics=html.escape(physics),
         drawing=drawing(scene, side, _arrow(instance)),
         shown=of_structure if side == "structural" else texts.OF_FLOW,

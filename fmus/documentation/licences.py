@@ -6,7 +6,7 @@ from importlib import metadata
 from pathlib import Path
 
 from fmus.description import PROJECT
-from fmus.sharing import PACKAGES
+from fmus.private import PACKAGES
 
 # Package -> its licence and the name of the file with the text.
 TEXTS = {PROJECT: ("BSD-3-Clause", f"{PROJECT}.txt"), "pythonfmu": ("MIT", "pythonfmu.txt")}
@@ -29,15 +29,16 @@ def licences(paths: Iterable[str], own_binaries: Iterable[str]) -> dict[str, byt
     found = {name: text for name in TEXTS if (text := _text(name)) is not None}
     named = {name: licence + (f", {FOLDER}/{file}" if name in found else "") for name, (licence, file) in TEXTS.items()}
     code = [path for path in paths if path.startswith("resources/") and path.endswith(".py")]
-    tops = {path.split("/")[1] for path in code if path.count("/") > 1}
+    inside = {"/".join(path.split("/")[:3]) for path in code if path.count("/") > 2}
+    solvers = sorted(path for path in inside if path.rpartition("/")[2] in PACKAGES)
     scripts = [path for path in code if path.count("/") == 1]
     binaries = [path for path in paths if path.startswith("binaries/")]
     rows = [
-        (f"the solvers ({', '.join(f'resources/{name}' for name in PACKAGES if name in tops)})", named[PROJECT]),
+        (f"the solvers ({', '.join(solvers)})", named[PROJECT]),
         *((path, named[PROJECT]) for path in (*scripts, *(path for path in binaries if path in own))),
-        ("PythonFMU (resources/pythonfmu)", named["pythonfmu"]),
+        *((f"PythonFMU ({path})", named["pythonfmu"]) for path in sorted(inside) if path.endswith("/pythonfmu")),
         *((f"{path}, of PythonFMU", named["pythonfmu"]) for path in binaries if path not in own),
-        *_scenes(paths),
+        *_scene(paths),
         ("modelDescription.xml, documentation and picture", f"made from the above; the texts are {named[PROJECT]}"),
     ]
     files = {f"{FOLDER}/{TEXTS[name][1]}": text for name, text in found.items()}
@@ -45,18 +46,12 @@ def licences(paths: Iterable[str], own_binaries: Iterable[str]) -> dict[str, byt
     return files | {f"{FOLDER}/license.txt": entry.encode()}
 
 
-def _scenes(paths: list[str]) -> list[tuple[str, str]]:
-    """Folders of scene data, and the notices in them."""
-    folders = sorted({"/".join(path.split("/")[:3]) for path in paths if path.startswith("resources/scene/")})
-    rows = []
-    for folder in folders:
-        notices = [
-            path
-            for path in paths
-            if path.startswith(f"{folder}/") and path.removeprefix(f"{folder}/").startswith(("LICENSE", "SOURCES.md"))
-        ]
-        rows.append((f"the scene's data ({folder})", ", ".join(notices) or "no notice came with it; ask who made it"))
-    return rows
+def _scene(paths: list[str]) -> list[tuple[str, str]]:
+    """The data of a scene, and the notices that came with it."""
+    data = [path for path in paths if path.startswith("resources/scene.")]
+    notices = [path for path in paths if path.startswith("documentation/scene/")]
+    how = ", ".join(notices) or "no notice came with it; ask who made it"
+    return [(f"the scene's data ({', '.join(data)})", how)] if data else []
 
 
 def _text(package: str) -> bytes | None:

@@ -184,7 +184,7 @@ def _names(path: str) -> tuple[str, set[str]]:
     """Name of a scene, and the names of its settings and parameters."""
     scene, _ = prepared(path, {})
     parameters = {v.name for core in scene.cores().values() for v in core.variables if v.causality == "parameter"}
-    return scene.name, parameters | set(scene.content["settings"])
+    return scene.name, parameters | set(scene.offers)
 
 
 def _kinds_like(key: str, values: Sequence[Any], default: Any) -> list[Any]:

@@ -87,7 +87,7 @@ def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, 
     state = final_state(scene, run)
     status, settings = status_text(run.status), content.get("settings", {})
     aero = run.blocks["aero"]
-    title, wind = scene.content["title"], None
+    title, wind = scene.title, None
     if {"wind_speed", "wind_direction"} <= aero.keys():
         wind = float(aero["wind_speed"]) * aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
         title += f", wind {float(aero['wind_speed']):g} m/s"

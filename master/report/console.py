@@ -16,7 +16,7 @@ def print_table(scene: Any, run: "Run", content: dict[str, Any]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    title = escape(f"{scene.content['title']}: {run.status}")
+    title = escape(f"{scene.title}: {run.status}")
     table = Table(title=title, show_header=False, title_justify="left")
     for row in result_rows(scene, run, content):
         table.add_row(*map(escape, row))

@@ -59,8 +59,8 @@ def page(
         "master.report",
         "page.html",
         figures,
-        title=scene.content["title"],
-        description=scene.content.get("description", ""),
+        title=scene.title,
+        description=scene.description,
         good=run.status == "converged",
         status=status_text(run.status),
         message=run.message,
@@ -124,7 +124,7 @@ def _settings(scene: Any, content: dict[str, Any]) -> Table:
     given = content.get("settings", {})
     rows = [[name, given[name], *about] for name, about in OPTIONS.items() if name in given]
     for name, value in given.get("scene_settings", scene.settings).items():
-        rows.append([name, value, "", scene.content["settings"].get(name, {}).get("description", "")])
+        rows.append([name, value, "", scene.offers[name].description])
     return _table("Settings", ["setting", "value", "unit", "meaning"], rows)
 
 

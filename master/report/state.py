@@ -175,7 +175,7 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
         undeformed = about + (members.nodes - about) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T
     chains = [nodes for group in members.chains for nodes in group.nodes]
     rest = np.concatenate([group.l0 for group in members.chains])
-    for tape, elements in scene.content["structure"].get("tapes", {}).items():
+    for tape, elements in scene.structure.tapes.items():
         if tape in blocks:
             rest[[members.names.index(name) for name in elements]] = float(blocks[tape])
     legs = [np.linalg.norm(np.diff(position[group.nodes], axis=1), axis=2) for group in members.chains]

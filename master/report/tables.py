@@ -181,7 +181,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
 
 
 def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]:
-    area = f"area {scene.content['aero']['reference_area']:g} m2"
+    area = f"area {scene.aero.reference_area:g} m2"
     return [
         ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
         ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} ({area})"),

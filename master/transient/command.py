@@ -92,9 +92,9 @@ def scheme_parameters(choices: dict[str, Any]) -> dict[str, Any]:
 
 def motion_times(scene: Any, stop_time: float | None, step: float | None, begun: float = 0.0) -> tuple[float, float]:
     """Stop time and communication step s, the scene's own where they are None, of a run that begins at `begun` s."""
-    dynamics = scene.content["dynamics"]
-    stop = float(dynamics["stop_time"] if stop_time is None else stop_time)
-    dt = float(dynamics["communication_step"] if step is None else step)
+    dynamics = scene.dynamics
+    stop = float(dynamics.stop_time if stop_time is None else stop_time)
+    dt = float(dynamics.communication_step if step is None else step)
     for name, value in (("--stop-time", stop), ("--step", dt)):
         if not (np.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} must be a number of seconds above zero, not {value:g}.")
@@ -135,7 +135,7 @@ def _write(
     notes += [f"note: step {number}: {sentence}" for number, sentence in list(run.steps.messages)[-3:]]
     if not run.finished:
         notes.append(f"{run.status}: {run.message}")
-    print_rows(f"{scene.content['title']}: {run.status}", result_rows(content), notes)
+    print_rows(f"{scene.title}: {run.status}", result_rows(content), notes)
     print_written(out, written, lacking)
 
 

@@ -102,7 +102,7 @@ def write_plots(
 
     from master.report.figures import rendered
 
-    title = f"{scene.content['title']}, {run.status.replace('_', ' ')}"
+    title = f"{scene.title}, {run.status.replace('_', ' ')}"
     written = []
     for name, figure in (
         ("motion", motion_figure(title, recorder, run)),

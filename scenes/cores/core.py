@@ -10,7 +10,7 @@ import numpy as np
 from interface import StepFailed, Variable
 from interface.variables import allowed, first_outside
 
-from ..tables import SceneError
+from ..schema import SceneError
 
 Values = Mapping[str, np.ndarray]
 

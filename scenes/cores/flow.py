@@ -10,11 +10,10 @@ from aero import AeroModel, Flow, Gusts, coefficients
 from aero.coefficients import glide_ratio
 from aero.model import LOADS
 from interface import Variable
-from interface.mirror import mirror_permutation
+from interface.mirror import mirror_permutation, symmetrised
 from interface.vectors import rotated
 
 from .core import Result, Solver
-from .symmetry import symmetrised
 
 GUSTS = ("gust_speed", "gust_start", "gust_duration", "gust_interval")
 
@@ -43,28 +42,28 @@ class FlowSolver(Solver):
         self.models = tuple(m for m in (wing, lines) if m is not None)
         self._outputs = [{v.name for v in m.variables if v.causality == "output"} for m in self.models]
         self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
-        self.variables = tuple(self._declared(scene.content["aero"]))
+        self.variables = tuple(self._declared(scene.aero))
         around = "lines alone" if wing is None else "a wing in motion" if scene.moves else ""
         if around:
             remedy = "use a scheme that needs none"
             self.refuses_derivatives = f"the flow around {around} has no directional derivatives; {remedy}."
 
-    def _declared(self, content):
-        yield from self._air(content)
+    def _declared(self, aero):
+        yield from self._air(aero)
         of_models = [v for m in self.models for v in m.variables]
         yield from (v for v in of_models if v.causality == "parameter")
-        if self._scene.content["trim"] is not None:
+        if self._scene.trim is not None:
             text = "rigid nose-up rotation about the pivot in which the wing starts"
-            limits = {"minimum": -3.2, "maximum": 3.2, "unit": "rad", "description": text}
-            yield Variable("trim_angle", causality="parameter", variability="fixed", **limits)
+            fixed = partial(Variable, causality="parameter", variability="fixed", unit="rad", description=text)
+            yield fixed("trim_angle", minimum=-3.2, maximum=3.2)
         # the order of value references in FMUs: in motion the loads on lines stand beside their sum
         later = self._lines.variables if self._scene.moves and self._lines is not None else ()
         yield from (v for v in of_models if v.name in LOADS and v not in later)
         if self._scene.moves:
-            text, start = "wind speed with the gust", content["wind_speed"]
+            text, start = "wind speed with the gust", aero.wind_speed
             yield Variable("present_wind_speed", causality="output", unit="m/s", start=start, description=text)
         if self._wing is not None:
-            yield from self._totals(content)
+            yield from self._totals(aero)
         for model in (self._lines, self._wing):
             if model is self._wing is not None:
                 text = "lift over drag of the wing and the exposed lines together"
@@ -72,36 +71,36 @@ class FlowSolver(Solver):
             shown = () if model is None else model.variables
             yield from (v for v in shown if v.causality == "output" and (v.name not in LOADS or v in later))
 
-    def _air(self, content):
+    def _air(self, aero):
         of_node = partial(Variable, shape=(len(self._interface.nodes), 3), counts="interface node")
         yield of_node("displacement", unit="m", description="interface displacement from the reference configuration")
         if self._scene.moves:
             yield of_node("velocity", unit="m/s", description="velocity of the interface nodes")
         tunable = partial(Variable, causality="parameter", variability="tunable")
         text = "wind speed at the wing" if self._wing is not None else "wind speed at the lines"
-        start = content["wind_speed"]
+        start = aero.wind_speed
         yield tunable("wind_speed", unit="m/s", start=start, minimum=1e-3, maximum=340.0, description=text)
         text = "direction that the wind blows to, global frame, any length above zero"
-        yield tunable("wind_direction", (3,), start=np.array(content["wind_direction"], float), description=text)
-        start, text = content["air_density"], "density of the air"
+        yield tunable("wind_direction", (3,), start=np.array(aero.wind_direction), description=text)
+        start, text = aero.air_density, "density of the air"
         yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
         if self._scene.moves:
-            start = self._scene.content["dynamics"]
+            gust = self._scene.dynamics
             text = (
                 "height of gusts: wind_speed + gust_speed (1 - cos(2 pi t / gust_duration)) / 2, t since its beginning"
             )
-            at, most = start["gust_speed"], 340.0
+            at, most = gust.gust_speed, 340.0
             yield tunable("gust_speed", unit="m/s", minimum=-most, maximum=most, start=at, description=text)
             positive = partial(tunable, unit="s", minimum=0.0, maximum=1e6)
             text = "time at which the first gust begins"
-            yield positive("gust_start", start=start["gust_start"], description=text)
-            yield positive("gust_duration", start=start["gust_duration"], description="duration of a gust")
+            yield positive("gust_start", start=gust.gust_start, description=text)
+            yield positive("gust_duration", start=gust.gust_duration, description="duration of a gust")
             text = "time from the beginning of a gust to that of the next; 0: there is one only"
-            yield positive("gust_interval", start=start["gust_interval"], description=text)
+            yield positive("gust_interval", start=gust.gust_interval, description=text)
 
-    def _totals(self, content):
+    def _totals(self, aero):
         output = partial(Variable, causality="output")
-        area = f"of the wing on the reference area {content['reference_area']:g} m2"
+        area = f"of the wing on the reference area {aero.reference_area:g} m2"
         area += " and wind_speed, without gusts" if self._scene.moves else ""
         yield output("CL", description=f"lift coefficient {area}")
         yield output("CD", description=f"drag coefficient {area}")
@@ -188,7 +187,7 @@ class FlowSolver(Solver):
         if self._scene.moves:
             out["present_wind_speed"] = flow.speed
         if self._wing is not None:
-            area, steady = self._scene.content["aero"]["reference_area"], float(values["wind_speed"])
+            area, steady = self._scene.aero.reference_area, float(values["wind_speed"])
             force, whole = found[0].force, found[0].force + (found[1].force if len(found) > 1 else np.zeros(3))
             c = coefficients(force, flow.direction, 0.5 * flow.density * steady**2 * area)
             out |= {"CL": c.CL, "CD": c.CD, "CS": c.CS, "force": force, "moment": found[0].moment}

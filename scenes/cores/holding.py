@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..tables import SceneError
+from ..schema import SceneError
 
 
 def held_place(scene):
     """Node and frame at which roll and yaw can be held; None where scene.toml names none."""
-    label = scene.content["structure"]["hold"]
+    label = scene.structure.hold
     if label is None:
         return None
     where, members = f"{scene.name}/scene.toml [structure] hold", scene.members

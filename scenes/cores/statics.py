@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from interface import StepFailed
+from interface.mirror import symmetrised
 from structural import Loads, LoadSensitivity, equilibrium, interface_loads
 
 from .core import Result, Solver
 from .holding import held_moment, holding_reactions
 from .structural_variables import static_variables
 from .structure import StructuralModel
-from .symmetry import symmetrised
 
 # Young's modulus Pa to which lines are softened for the start of a first solve.
 EASED = 1e9
@@ -131,7 +131,8 @@ class Statics(Solver):
         symmetric = bool(values["symmetry_used"])
         reaction = None
         if held:
-            reaction = held_moment(*self._free_residual(groups, loads, state), model.held, state.rotations)
+            free, r = self._free_residual(groups, loads, state)
+            reaction = held_moment(free, r, model.held, state.rotations)
         assembly = model.assembly(symmetric, held)
         sensitivity = LoadSensitivity(assembly, loads, state.x, groups, state.rotations, reaction)
 

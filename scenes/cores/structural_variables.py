@@ -4,8 +4,6 @@ from functools import partial
 
 from interface import Variable
 
-from ..point_loads import content_load
-
 tunable = partial(Variable, causality="parameter", variability="tunable")
 fixed = partial(Variable, causality="parameter", variability="fixed")
 output = partial(Variable, causality="output")
@@ -60,25 +58,25 @@ def _loads(scene):
 
 
 def _parameters(scene, model):
-    content, m = scene.content["structure"], scene.members
+    given, m = scene.structure, scene.members
     text = "gravity, towards -z"
-    yield tunable("gravity", unit="m/s2", start=content["gravity"], minimum=-1e3, maximum=1e3, description=text)
-    if content["line_modulus"]:
+    yield tunable("gravity", unit="m/s2", start=given.gravity, minimum=-1e3, maximum=1e3, description=text)
+    if given.line_modulus:
         text = "Young's modulus of the bridle lines"
-        yield tunable("line_modulus", unit="Pa", start=content["line_modulus"], minimum=1e3, description=text)
+        yield tunable("line_modulus", unit="Pa", start=given.line_modulus, minimum=1e3, description=text)
     for parameter, start in model.tapes.starts.items():
-        of = "rest length of " if parameter in content["tapes"] else "rest length of all together: "
-        text = of + ", ".join({**content["tapes"], **content["reels"]}[parameter])
+        of = "rest length of " if parameter in given.tapes else "rest length of all together: "
+        text = of + ", ".join({**given.tapes, **given.reels}[parameter])
         yield tunable(parameter, unit="m", start=start, minimum=1e-3, description=text)
     if m.wing is not None:
         text = "pressure in the tubes above that of the air"
-        start = content["tube_pressure"]
+        start = given.tube_pressure
         yield tunable("tube_pressure", unit="Pa", start=start, minimum=100.0, maximum=3e5, description=text)
-    for name, rows in model.point_loads.items():
-        nodes = ", ".join(m.labels[n] for n, _ in rows)
+    for load in scene.point_loads:
+        nodes = ", ".join(m.labels[n] for n in load.nodes)
         text = f"dead load on each of the nodes {nodes}, in the directions of the scene's table"
-        yield tunable(name, unit="N", start=content_load(scene, name), description=text)
-    if content["hold"] is not None:
+        yield tunable(load.name, unit="N", start=load.start, description=text)
+    if given.hold is not None:
         text = "hold roll and yaw: side force and yawing moment on the frame of a node, reported as reactions"
         yield switch("hold_roll_and_yaw", description=text)
     if m.wing_mass.sum() > 0.0:
@@ -88,37 +86,37 @@ def _parameters(scene, model):
 
 def _motion(scene, model):
     """Inputs and parameters of motion."""
-    dynamics = scene.content["dynamics"]
+    dynamics = scene.dynamics
     for tape in model.tapes.starts:
         text = f"rate at which the rest length of {tape} grows by reeling, on top of changes of {tape} itself"
         yield Variable(f"{tape}_rate", unit="m/s", minimum=-1e3, maximum=1e3, description=text)
     text = "longest step of the integration within a communication step"
-    yield tunable("longest_step", unit="s", start=dynamics["longest_step"], minimum=1e-7, description=text)
+    yield tunable("longest_step", unit="s", start=dynamics.longest_step, minimum=1e-7, description=text)
     text = "what a step leaves of oscillations that it does not resolve, 0 to 1 (generalised-alpha only)"
-    start = dynamics["spectral_radius"]
+    start = dynamics.spectral_radius
     yield tunable("spectral_radius", start=start, minimum=0.0, maximum=1.0, description=text)
     for name, of in (("line_damping_time", "lines"), ("spring_damping_time", "springs and canopy")):
         text = f"damping over stiffness of {of} (Kelvin-Voigt)"
-        yield tunable(name, unit="s", start=dynamics[name], minimum=0.0, maximum=1e3, description=text)
+        yield tunable(name, unit="s", start=getattr(dynamics, name), minimum=0.0, maximum=1e3, description=text)
     text = "loads go linearly from those of the step before to the present ones; else the present ones act all along"
     yield switch("loads_vary", start=1.0, description=text)
     text = "begin at rest in the equilibrium under the loads of the first step, not in the shape of the tables"
-    start = float(dynamics["start_in_equilibrium"])
+    start = float(dynamics.start_in_equilibrium)
     yield fixed("start_in_equilibrium", kind="boolean", minimum=0.0, maximum=1.0, start=start, description=text)
     if len(scene.interface.panels):
         text = "air that the wing moves with it, over that of a flat plate across its chord (rho pi c^2 / 4 per span)"
         yield tunable("added_mass_coefficient", minimum=0.0, maximum=1e3, description=text)
         text = "density of the air that moves with the wing"
-        start = scene.content["aero"]["air_density"]
+        start = 1.225 if scene.aero is None else scene.aero.air_density
         yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
 
 
 def _solution(scene):
     text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
-    yield switch("symmetric", start=float(scene.content["structure"]["symmetric"]), description=text)
+    yield switch("symmetric", start=float(scene.structure.symmetric), description=text)
     text = "largest out-of-balance force that counts as equilibrium"
     yield tunable("solver_tolerance", unit="N", start=1e-6, minimum=1e-12, description=text)
-    if scene.content["trim"] is not None:
+    if scene.trim is not None:
         text = "rigid nose-up rotation about the pivot in which the structure starts"
         yield fixed("trim_angle", unit="rad", minimum=-3.2, maximum=3.2, description=text)
 
@@ -144,7 +142,7 @@ def _shape(scene):
 
 
 def _holding(scene):
-    if scene.content["structure"]["hold"] is not None:
+    if scene.structure.hold is not None:
         text = f"moment about the {'origin' if scene.pivot is None else 'pivot'} that holds roll and yaw"
         yield output("holding_moment", (3,), unit="N.m", description=text)
         yield output("holding_force", unit="N", description="side force (y) that holds roll and yaw")
@@ -169,5 +167,5 @@ def _energies(scene, model):
 
 
 def _symmetry_used(scene, model):
-    start = float(scene.content["structure"]["symmetric"] and model.mirror is not None)
+    start = float(scene.structure.symmetric and model.mirror is not None)
     return output("symmetry_used", kind="boolean", start=start, description="whether the last solve was of one half")

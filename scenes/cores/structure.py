@@ -18,7 +18,6 @@ from structural import (
     tensions,
 )
 
-from ..point_loads import read_loads
 from .holding import held_place, held_structure
 from .memory import Remembered
 from .symmetry import mirror_images, symmetric_groups, symmetric_state
@@ -38,7 +37,6 @@ class StructuralModel:
         self.members, self.interface, self.pivot = scene.members, scene.interface, scene.pivot
         self.tapes, self.held = Tapes(scene), held_place(scene)
         self.mirror = mirror_permutation(self.members.nodes)
-        self.point_loads = read_loads(scene)
         self._assemblies: dict[tuple[bool, bool], Assembly] = {}
         self._beams = Remembered(self._tube_beams)
         self._chains = Remembered(self._tape_chains)
@@ -56,7 +54,7 @@ class StructuralModel:
 
     def tubes_at(self, pressure):
         """The beams of all tubes at a pressure Pa; ValueError in one sentence where their law has no answer."""
-        return tube_beams(self.members, self.scene.content["structure"], self.scene.settings, pressure)
+        return tube_beams(self.members, self.scene.structure, self.scene.choices.tube_law, pressure)
 
     def chains(self, values):
         """The chains with the present tape lengths and line modulus."""
@@ -108,7 +106,7 @@ class StructuralModel:
         loaded = interface_groups(i.weights, i.panels, i.lines)
         if w is None:
             return Structure(m.nodes, m.fixed, groups, loaded)
-        beams = self.tubes_at(self.scene.content["structure"]["tube_pressure"])
+        beams = self.tubes_at(self.scene.structure.tube_pressure)
         clamped = np.zeros((len(w.frames), 3), dtype=bool)
         groups = (*m.chains, beams, *m.bending)
         return Structure(m.nodes, m.fixed, groups, loaded, w.frames, clamped, w.riders, w.carriers)
@@ -125,9 +123,8 @@ class StructuralModel:
         """
         gravity = float(values["gravity"])
         dead = self.mass(values)[:, None] * np.array([0.0, 0.0, -gravity])
-        for name, rows in self.point_loads.items():
-            for node, direction in rows:
-                dead[node] += float(values[name]) * direction
+        for load in self.scene.point_loads:
+            np.add.at(dead, load.nodes, float(values[load.name]) * load.directions)
         if more_mass is not None:
             dead[:, 2] -= more_mass * gravity
         return Loads(dead, interface_loads(values.get("pressure"), values.get("shear"), values.get("line_load")))

@@ -35,11 +35,6 @@ def symmetric_groups(groups, mirror, frames):
     return True
 
 
-def symmetrised(values, image):
-    """The symmetric part of vectors (n,...,3) or scalars (n,) with the mirror `image` (n,) of each."""
-    return 0.5 * (values + values[image] * (MIRROR if values.ndim > 1 else 1.0))
-
-
 def symmetric_state(loads, x, mirror, images):
     """Whether loads and positions x (n,3) m are mirror-symmetric: `mirror` (n,) of the nodes, `images` as above."""
     if images is None:

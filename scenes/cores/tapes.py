@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from ..members import with_rest_lengths
-from ..tables import SceneError
+from ..schema import SceneError
 
 
 class Tapes:
@@ -14,9 +14,9 @@ class Tapes:
     """
 
     def __init__(self, scene):
-        content = scene.content["structure"]
-        self._scene, self._members, self._reels = scene.name, scene.members, content["reels"]
-        self._lines = content["tapes"] | content["reels"]
+        given = scene.structure
+        self._scene, self._members, self._reels = scene.name, scene.members, given.reels
+        self._lines = given.tapes | given.reels
 
     def __iter__(self):
         return iter(self._lines)

@@ -9,7 +9,7 @@ from interface import MIRROR, StepFailed
 from structural import Loads, equilibrium
 from structural.dynamics import SCHEMES, Balance, GeneralisedAlpha, Motion, State, integrate
 
-from ..tables import SceneError
+from ..schema import SceneError
 from .core import Result, Solver
 from .structural_variables import transient_variables
 from .structure import StructuralModel
@@ -77,8 +77,8 @@ class Transient(Solver):
             raise SceneError(f"{scene.name}/scene.toml: [dynamics] has no inertia of tubes yet; drop it or the tubes.")
         self.name, self.model = scene.name, StructuralModel(scene)
         self.variables = tuple(transient_variables(scene, self.model))
-        self._scheme = SCHEMES[scene.settings.get("integration", scene.content["dynamics"]["scheme"])]
-        self._density = scene.content["structure"]["line_density"]
+        self._scheme = SCHEMES[scene.choices.integration or scene.dynamics.scheme]
+        self._density = scene.structure.line_density
         self._require_masses(scene)
 
     @staticmethod
@@ -86,7 +86,7 @@ class Transient(Solver):
         m = scene.members
         bare = np.flatnonzero((m.mass <= 0.0) & ~m.fixed.all(axis=1))
         if len(bare):
-            where = f"{scene.name}/{scene.content['structure']['nodes']}"
+            where = f"{scene.name}/{scene.structure.nodes}"
             raise SceneError(
                 f"{where}: node '{m.labels[bare[0]]}' has no mass, and in dynamics every free node needs one; give its "
                 "lines a density or add it to the masses."

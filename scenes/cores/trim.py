@@ -8,7 +8,7 @@ from aero.trim import stable_trim
 from interface import StepFailed
 from interface.vectors import rotated
 
-from ..tables import SceneError
+from ..schema import SceneError
 
 
 def trim_angle(scene, parameters: dict[str, Any]) -> float:
@@ -45,12 +45,12 @@ def trim_angle(scene, parameters: dict[str, Any]) -> float:
         air = core.get("moment") + (core.get("line_moment") if "line_moment" in names else 0.0)
         return float(air[1] + weight @ arm)
 
-    low, high = (np.deg2rad(scene.content["trim"][key]) for key in ("lowest_deg", "highest_deg"))
+    low, high = np.deg2rad(scene.trim.lowest_deg), np.deg2rad(scene.trim.highest_deg)
     found = stable_trim(moment, low, high)
     if found.angle is not None:
         return found.angle
     lift = float(core.get("CL")) * float(core.get("wind_speed")) ** 2
-    lift *= 0.5 * float(core.get("air_density")) * scene.content["aero"]["reference_area"]
+    lift *= 0.5 * float(core.get("air_density")) * scene.aero.reference_area
     sense = " (it rises, so that the angle between is not stable)" if found.rises else ""
     raise SceneError(
         f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees, where the pitching "

@@ -5,17 +5,17 @@ import numpy as np
 from structural import Beams, breukels_tube, inflatable_tube, natural_deformations, reference_axes, section_forces
 
 
-def tube_beams(members, structure, settings, pressure):
+def tube_beams(members, structure, law, pressure):
     """The beams of all tubes (one group) at `pressure` Pa; ValueError in one sentence where the law has no answer."""
     tubes, nodes = members.wing.tubes, members.nodes
     l0 = np.linalg.norm(np.diff(nodes[tubes.ends], axis=1)[:, 0], axis=1)
-    section = _section(tubes.radius, structure, settings.get("tube_law", "breukels"), pressure)
+    section = _section(tubes.radius, structure, law, pressure)
     return Beams(tubes.ends, tubes.frames, reference_axes(nodes, tubes.ends), l0, section, tubes.names)
 
 
 def _section(radius, structure, law, pressure):
     if law == "fabric":
-        return inflatable_tube(pressure, radius, structure["tube_stiffness"], structure["tube_shear_stiffness"])
+        return inflatable_tube(pressure, radius, structure.tube_stiffness, structure.tube_shear_stiffness)
     tube = breukels_tube(pressure, radius)
     if law == "tip-deflection":
         from structural.materials.tip_deflection import tip_deflection_tube

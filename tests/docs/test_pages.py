@@ -5,7 +5,7 @@ import json
 import re
 import shutil
 import sys
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,8 @@ from master import schemes
 from master.foreign.document import Member
 from master.foreign.settings import Settings
 from master.schemes import SCHEMES
-from scenes.description import _KNOWN, known_keys
+from scenes.readers.description import known_keys
+from scenes.schema import SECTIONS
 from tests.docs.pages import DOCS, blocks, checked, give_files
 
 GUIDE = DOCS / "scenes.md"
@@ -51,7 +52,7 @@ def test_every_block_of_the_page_on_motion_runs_and_prints_what_the_page_says(tm
 
 def test_the_page_on_motion_names_every_key_with_its_default():
     text = (DOCS / "motion.md").read_text()
-    for key, (_, default) in _KNOWN["dynamics"].items():
+    for key, (_, default) in known_keys("dynamics").items():
         assert f"| `{key}` | {json.dumps(default)} |" in text
 
 
@@ -143,13 +144,13 @@ def test_the_example_of_tapes_and_variants_makes_a_scene(flown, tmp_path):
     assert plain in text
     (folder / "scene.toml").write_text(text.replace(plain, example))
     scene = scenes.load(folder, {"variant": "long"})
-    assert (scene.content["structure"]["lines"], scene.content["aero"]["wind_speed"]) == ("lines_long.csv", 12.0)
+    assert (scene.structure.lines, scene.aero.wind_speed) == ("lines_long.csv", 12.0)
     assert scene.structural_core().get("steering_tape_left_length") == 4.6
 
 
 def test_the_guide_names_every_key_of_a_scene_with_its_default():
     text = GUIDE.read_text()
-    for section in _KNOWN:
+    for section in SECTIONS:
         keys = known_keys(section)
         start = text.index(f"| `[{section}]` |")
         rows = re.findall(r"^\|(?: `\[\w+\]` \|| \|) `(\w+)` \|([^|]*)\|", text[start:], re.MULTILINE)[: len(keys)]
@@ -158,8 +159,8 @@ def test_the_guide_names_every_key_of_a_scene_with_its_default():
 
 
 def _shown(default):
-    """A default of description.py as the guide writes it."""
-    if default is ...:
+    """A default of schema.py as the guide writes it."""
+    if default is MISSING:
         return ""
     return "none" if default in (None, {}) else json.dumps(default)
 

@@ -14,9 +14,9 @@ def _cases():
     for name in scenes.available():
         yield name, COARSE.get(name, {})
         scene = scenes.load(name)
-        for key, option in scene.content["settings"].items() if name not in COARSE and not scene.moves else ():
-            for value in option["options"] if "options" in option else [option["default"] + 1]:
-                if value != option["default"]:
+        for key, option in scene.offers.items() if name not in COARSE and not scene.moves else ():
+            for value in option.options or [option.default + 1]:
+                if value != option.default:
                     yield name, {key: value}
 
 
@@ -32,7 +32,7 @@ def label(case):
 
 def start(scene):
     """Start values of parameters that a coupled simulation of the scene begins with."""
-    return {} if scene.content["trim"] is None else {"trim_angle": scene.trim_angle()}
+    return {} if scene.trim is None else {"trim_angle": scene.trim_angle()}
 
 
 def gust(displacement):

@@ -1,6 +1,8 @@
 """An FMI 2.0 importer in a few lines of fmpy: every scalar by its own name, nothing known of blocks."""
 
 import shutil
+import sys
+from pathlib import Path
 
 import fmpy
 import pytest
@@ -20,6 +22,11 @@ def listen(environment, _instance, status, _category, text):
 
 class Ending:
     """An instance `slave` of fmpy, of an FMU unpacked in `folder`; as a context it terminates, frees and removes."""
+
+    @property
+    def script(self):
+        """The module of the class of the instance."""
+        return sys.modules[(Path(self.folder) / "resources/slavemodule.txt").read_text()]
 
     def __enter__(self):
         return self

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from pythonfmu.enums import Fmi2Status
 
-from fmus.instance import instance
 from tests.fmus.test_capabilities import step
 
 ERROR = 3  # fmi2Status
@@ -36,7 +35,7 @@ def failing(*messages, error):
 @pytest.fixture
 def of_toy(toy, monkeypatch):
     """Replaces a method of the slave for the test."""
-    return lambda name, method: monkeypatch.setattr(sys.modules["toy_fmu"].ToyFmu, name, method)
+    return lambda name, method: monkeypatch.setattr(toy.script.ToyFmu, name, method)
 
 
 def test_what_was_logged_is_heard_before_the_exception_that_ended_the_call(toy, of_toy):
@@ -83,22 +82,34 @@ def test_python_goes_on_while_the_host_takes_its_time_over_a_message(toy):
     toy.slave.dll.fmi2FreeInstance(ctypes.c_void_p(made))
 
 
-def test_a_script_is_whole_for_every_thread_that_makes_an_instance_and_is_read_anew_after_a_failure(tmp_path):
-    (tmp_path / "slavemodule.txt").write_text("slow")
-    script = tmp_path / "slow.py"
-    script.write_text("import time\ntime.sleep(0.2)\nraise OSError('not now')\n")
-    for _ in range(2):
-        with pytest.raises(OSError, match="not now"):
-            instance(str(tmp_path), "x", False)
-    script.write_text("a = 1\n")
-    with pytest.raises(ValueError, match=r"slow.py has no class with a method do_step\."):
-        instance(str(tmp_path), "x", False)
-    script.write_text(
-        "import time\ntime.sleep(0.2)\nclass Slave:\n    def __init__(self, **_): pass\n    def do_step(self): pass\n"
-    )
+def made_by(toy, folder, stem, text=""):
+    """Instances, None where there is none, of four threads at once, from a script in a folder of resources."""
+    folder.mkdir()
+    (folder / "slavemodule.txt").write_text(stem)
+    (folder / f"{stem}.py").write_text(text)
+    dll, guid, place = toy.slave.dll, toy.description.guid.encode(), str(folder).encode()
+
+    def instance(_):
+        return dll.fmi2Instantiate(b"x", 1, guid, place, ctypes.byref(toy.callbacks), 0, 0)
+
     with ThreadPoolExecutor(4) as pool:
-        made = list(pool.map(lambda _: instance(str(tmp_path), "x", False), range(4)))
-    assert {type(slave) for slave in made} == {sys.modules.pop("slow").Slave}
+        return list(pool.map(instance, range(4)))
+
+
+def test_a_script_that_fails_or_has_no_slave_says_so(toy, tmp_path):
+    assert made_by(toy, tmp_path / "a", "failing", "raise OSError('not now')") == [None] * 4
+    assert [text for _, text in toy.log] == ["OSError: not now"] * 4
+    assert made_by(toy, tmp_path / "b", "empty", "a = 1") == [None] * 4
+    assert toy.log[-1][1] == "ValueError: empty.py has no class with a method do_step."
+
+
+def test_a_script_is_whole_for_every_thread_that_makes_an_instance(toy, tmp_path):
+    text = "class Slave:\n    def __init__(self, **_): self.log_queue = []\n    def do_step(self): pass\n"
+    made = made_by(toy, tmp_path / "c", "slow", "import time\ntime.sleep(0.2)\n" + text)
+    assert all(made)
+    for one in made:
+        toy.slave.dll.fmi2FreeInstance(ctypes.c_void_p(one))
+    del sys.modules["slow"]
 
 
 LATE = """

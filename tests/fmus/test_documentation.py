@@ -98,7 +98,7 @@ def test_structural_page_names_what_tensions_and_positions_belong_to(case):
 
 def test_a_positive_pressure_pushes_to_the_suction_side_as_the_page_says(case):
     scene, paths = case
-    if scene.content["wing"] is None:
+    if scene.wing is None:
         pytest.skip("a scene without a wing in a flow")
     found = read(paths[1])
     x = numbers(found, "Interface nodes", (1, 2, 3))[numbers(found, "Panels", (1, 2, 3, 4)).astype(int) - 1]
@@ -124,9 +124,9 @@ def test_the_page_says_how_it_is_stepped_and_what_to_beware_of(case, words):
     scene, paths = case
     for found in map(read, paths):
         assert words in found.text or (words == "in turn" and not scene.has_flow)
-        assert ("trim_angle" in found.text) is (scene.content["trim"] is not None)
-        if scene.content["trim"] is not None:
-            assert f"node {scene.content['structure']['pivot']} at (" in found.text
+        assert ("trim_angle" in found.text) is (scene.trim is not None)
+        if scene.trim is not None:
+            assert f"node {scene.structure.pivot} at (" in found.text
         when_to_stop = scene.has_flow and not scene.moves
         assert ("imbalance_before_step of the" in " ".join(found.text.split())) is when_to_stop
         assert ("velocity of the structural one" in " ".join(found.text.split())) is (scene.has_flow and scene.moves)
@@ -152,7 +152,7 @@ def test_the_page_says_what_the_binaries_of_this_fmu_do_and_of_no_other(own_bina
 def test_titles_and_names_of_a_scene_are_text_whatever_they_look_like(scene, tmp_path):
     folder = tmp_path / "marked"
     shutil.copytree(scene.folder, folder)
-    title = scene.content["title"]
+    title = scene.title
     for path in [folder / "scene.toml", *folder.glob("*.csv")]:
         text = path.read_text(encoding="utf-8").replace(title, f"<i>{title}&amp;").replace("te_left", "<script>&lt;")
         path.write_text(text, encoding="utf-8")

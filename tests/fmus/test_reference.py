@@ -197,7 +197,7 @@ def test_the_page_says_what_is_modelled_and_what_may_be_set(case):
     scene, paths = case
     for path in paths:
         page = html.unescape(entries(path)["documentation/index.html"].decode())
-        assert scene.content["description"].strip()[:60] in page
+        assert scene.description.strip()[:60] in page
         for key, value in scene.settings.items():
             assert f"{key} = {value}" in page
         for v in fmpy.read_model_description(str(path)).modelVariables:
@@ -271,10 +271,10 @@ def test_every_file_is_under_a_licence_that_is_told(scene_paths):
         files = entries(path)
         told = files["documentation/licenses/license.txt"].decode()
         rows = [line for line in told.splitlines() if line.startswith("* ")]
-        for text in re.findall(r"documentation/licenses/\w+\.txt|resources/scene/\w+/[\w.]+", told):
+        for text in re.findall(r"documentation/licenses/\w+\.txt|documentation/scene/[\w.]+", told):
             assert text in files
         for name in files:
-            covered = re.match(r"binaries/.*|resources/\w+\.py|resources/scene/\w+|resources/\w+(?=/)|\w+", name)[0]
+            covered = re.match(r"binaries/.*|resources/\w+\.\w+|resources/\w+/\w+(?=/)|resources/\w+(?=/)|\w+", name)[0]
             if not name.endswith((".txt", ".json", ".png")):
                 assert any(covered in row for row in rows), name
         own = own_binary()

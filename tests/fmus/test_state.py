@@ -143,7 +143,7 @@ class Pair:
         else:
             self.structural.set(pressure=[-1e7] * len(self.structural.get("pressure")))
         if self.aero is not None:
-            far = 1e200 if self.scene.content["wing"] is None else -1.0
+            far = 1e200 if self.scene.wing is None else -1.0
             self.aero.set(displacement=np.ravel(far * self.scene.interface.nodes).tolist())
         assert not any(side.step(self.time) for side in self.sides)
         self.dt = self.structural.dt = self.scene.communication_step

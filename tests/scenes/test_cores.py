@@ -15,7 +15,7 @@ COARSE = {"v3_kite_detailed": {"canopy_stations": 2}}  # a first solve takes a s
 def _pair(name, settings=None):
     scene = scenes.load(name, settings or COARSE.get(str(name), {}))
     structure, air = scene.structural_core(), scene.aero_core()
-    if scene.content["trim"] is not None:
+    if scene.trim is not None:
         structure.set("trim_angle", scene.trim_angle())
     return structure, air
 

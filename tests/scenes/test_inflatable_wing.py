@@ -188,7 +188,7 @@ def test_twice_the_kite_is_geometrically_similar():
     assert np.array_equal(2.0 * small.members.nodes, large.members.nodes)
     assert np.array_equal(2.0 * small.members.wing.tubes.radius, large.members.wing.tubes.radius)
     assert large.members.mass.sum() == pytest.approx(4.0 * small.members.mass.sum(), rel=1e-12)
-    assert large.content["aero"]["reference_area"] == pytest.approx(4.0 * 19.753, rel=1e-12)
+    assert large.aero.reference_area == pytest.approx(4.0 * 19.753, rel=1e-12)
     by_scale = [s.aero_core() for s in (small, large)]
     for core in by_scale:
         core.step(0.0, 1.0)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import scenes
-from scenes.interface import design_interface, with_lines
+from scenes.builders.interface import design_interface, with_lines
 from structural import (
     Assembly,
     Chains,

@@ -11,7 +11,7 @@ import aero.methods
 import scenes
 from master import IQNILS
 from master.coupling import Coupling, solve
-from scenes.tables import SceneError
+from scenes import SceneError
 
 MODEL = '''
 import numpy as np

@@ -94,7 +94,7 @@ def test_a_kite_twice_as_large_has_twice_the_lengths_and_four_times_the_masses(n
     assert np.array_equal(k[1][line], 2.0 * k[0][line])  # modulus times area over length
     assert np.array_equal(k[1][~line], k[0][~line])  # of fabric: E t times width over length
     if one.has_flow:
-        area = [s.content["aero"]["reference_area"] for s in (one, two)]
+        area = [s.aero.reference_area for s in (one, two)]
         assert area[1] == 4.0 * area[0]
         assert two.aero_core().get("span") == pytest.approx(2.0 * one.aero_core().get("span"))
 

@@ -69,7 +69,7 @@ def test_bridle_lowers_the_glide_ratio_of_the_kite_as_the_lumped_line_drag_says(
     scene = scenes.load("v3_kite")
     ends = scene.interface.nodes[scene.interface.lines]
     area = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) @ scene.interface.diameter
-    lumped = 1.12 * area / scene.content["aero"]["reference_area"]
+    lumped = 1.12 * area / scene.aero.reference_area
     bare, draggy = (couplings[k].aero for k in ("off", "on"))
     lift, drag = float(bare.get("CL")), float(bare.get("CD"))
     assert float(bare.get("glide_ratio")) == pytest.approx(lift / drag, rel=1e-12)

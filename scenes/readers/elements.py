@@ -8,7 +8,8 @@ import numpy as np
 
 from structural import quad_rows, triple_bending
 
-from .tables import SceneError, Table, name, names, non_negative, positive, read_table
+from ..schema import SceneError
+from .tables import Table, name, names, non_negative, positive, read_table
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def canopy_bending(path, index, nodes, stiffness):
 
 def lines(path, index, nodes, structure):
     t = read_table(path, {"name": name, "nodes": names, "rest_length_m": positive, "diameter_m": positive})
-    modulus, density = structure["line_modulus"], structure["line_density"]
+    modulus, density = structure.line_modulus, structure.line_density
     if modulus is None:
         raise SceneError(f"{path.parent.name}/scene.toml: [structure] lacks 'line_modulus', which lines need; add it.")
     for row in range(len(t)):

@@ -1,57 +1,23 @@
 """The mesh of an inflatable wing: tubes divided into beams, canopy between the ribs, attachments on rigid links."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .tables import SceneError, name, names, positive, read_table
+from ..members import Tubes, WingMesh
+from ..schema import SceneError, StructureInput
+from .tables import name, names, positive, read_table
 
 # An attachment this close to a station, as part of the chord, rides on the beam node there instead of on one of its
 # own: shorter beams would only stiffen the numbers.
 SNAP = 0.02
 
 
-@dataclass(frozen=True, eq=False)
-class Tubes:
-    """Beams of inflated tubes: `ends` (e,2) nodes, `frames` (e,2), `radius` (e,) m at their middle, `names` (e,) and
-    the `names_of_tubes` they are parts of.
-    """
-
-    ends: np.ndarray
-    frames: np.ndarray
-    radius: np.ndarray
-    names: tuple[str, ...]
-    tube: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class WingMesh:
-    """What the mesher adds to the nodes of the tables.
-
-    `nodes` (n,3) m and `labels`, those of the tables first; `grid` (columns, stations) node indices of the canopy from
-    the left tip to the right one and from leading to trailing edge; `tubes`; `frames` (r,) the node of each frame;
-    `riders` and `carriers` (k,) rigid links; `springs` the canopy as (name, ends, rest length m, stiffness N/m),
-    tension only; `canopy_mass` (n,) kg and `tube_length` (n,) m, the share of each node.
-    """
-
-    nodes: np.ndarray
-    labels: tuple[str, ...]
-    grid: np.ndarray
-    tubes: Tubes
-    frames: np.ndarray
-    riders: np.ndarray
-    carriers: np.ndarray
-    springs: list[tuple[str, tuple[int, int], float, float]]
-    canopy_mass: np.ndarray
-    tube_length: np.ndarray
-
-
 def read_wing_mesh(
     folder: Path,
-    structure: dict[str, Any],
+    structure: StructureInput,
     labels: list[str],
     nodes: np.ndarray,
     fixed: np.ndarray,
@@ -89,7 +55,7 @@ class _Mesher:
     def add(self, label, point):
         if label in self.place:
             raise SceneError(
-                f"{self.folder.name}/{self.structure['nodes']}: the name '{label}' is taken by the mesh of the wing; "
+                f"{self.folder.name}/{self.structure.nodes}: the name '{label}' is taken by the mesh of the wing; "
                 "rename that node."
             )
         self.place[label] = len(self.labels)
@@ -102,7 +68,7 @@ class _Mesher:
 
     def ribs(self):
         """Leading and trailing edge nodes (ribs, 2) from the left tip to the right one."""
-        path = self.folder / self.structure["ribs"]
+        path = self.folder / self.structure.ribs
         table = read_table(path, {"leading_edge_node": name, "trailing_edge_node": name})
         if len(table) < 2:
             raise SceneError(f"{path.parent.name}/{path.name} needs at least two ribs; add one.")
@@ -141,7 +107,7 @@ class _Mesher:
         self.grid = np.array(grid)
 
     def lay_tubes(self, ribs, subdivisions):
-        path = self.folder / self.structure["tubes"]
+        path = self.folder / self.structure.tubes
         columns = {"name": name, "nodes": names, "start_diameter_m": positive, "end_diameter_m": positive}
         table = read_table(path, {**columns, "hinges": names})
         self.taken: dict[str, str] = {}
@@ -181,9 +147,9 @@ class _Mesher:
         """Tube -> nodes attached to it."""
         self.links: list[tuple[int, int]] = []  # rider, carrying frame
         self.riders: dict[int, str] = {}  # and the row that says so
-        if not self.structure["attachments"]:
+        if not self.structure.attachments:
             return {}
-        table = read_table(self.folder / self.structure["attachments"], {"node": name, "tube": name})
+        table = read_table(self.folder / self.structure.attachments, {"node": name, "tube": name})
         out: dict[str, list[tuple[int, str]]] = {}
         seen = self.riders
         for row in range(len(table)):
@@ -251,7 +217,7 @@ class _Mesher:
         k = G t d^2 / (a b). The result does not depend on how fine the grid is.
         """
         s = self.structure
-        tension, shear, density = s["canopy_stiffness"], s["canopy_shear_stiffness"], s["canopy_density"]
+        tension, shear, density = s.canopy_stiffness, s.canopy_shear_stiffness, s.canopy_density
         mass = np.zeros(len(nodes))
         springs: dict[tuple[int, int], list[Any]] = {}
 

@@ -2,13 +2,11 @@
 
 import csv
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-
-class SceneError(ValueError):
-    """Something in a scene or in the settings given for it is wrong; the message is one sentence with the remedy."""
+from ..schema import SceneError
 
 
 def number(text: str) -> float:
@@ -85,7 +83,7 @@ def _numbered(reader: Any) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def read_table(path: Path, columns: dict[str, Callable[[str], Any]]) -> Table:
+def read_table(path: Path, columns: Mapping[str, Callable[[str], Any]]) -> Table:
     """The named columns of a CSV file with a header row; raises `SceneError` for whatever does not fit."""
     label = f"{path.parent.name}/{path.name}"
     try:

@@ -1,0 +1,1 @@
+"""Builders: parts of a scene that are made, not read."""

@@ -1,0 +1,177 @@
+"""scene.toml: the table of contents of a scene, checked against what is known before anything is built."""
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+from aero.methods import method_options, methods
+from aero.model import Option
+
+from ..schema import (
+    SECTIONS,
+    AeroInput,
+    Choices,
+    DynamicsInput,
+    Number,
+    OneOf,
+    SceneError,
+    Setting,
+    StructureInput,
+    TrimInput,
+    WingInput,
+    Wrong,
+    a_flag,
+)
+from .settings import offered_settings, setting, variant
+
+Check = Callable[[Any], Any]
+# Sections that a scene may do without.
+_OPTIONAL = ("wing", "aero", "trim", "dynamics")
+
+
+@dataclass(frozen=True)
+class Description:
+    """A checked scene.toml with the chosen variant: texts, what it `offers` to choose, what is `chosen` of it by name,
+    the same as `choices`, and its sections.
+    """
+
+    title: str
+    description: str
+    offers: dict[str, Setting]
+    chosen: dict[str, Any]
+    choices: Choices
+    structure: StructureInput
+    wing: WingInput | None
+    aero: AeroInput | None
+    trim: TrimInput | None
+    dynamics: DynamicsInput | None
+
+
+def known_keys(section: str, method: Any = None) -> dict[str, tuple[Check, Any]]:
+    """Key -> (check, default) of a section, the default MISSING where the key must be given; [aero] has those of its
+    method too, of every method where it names none.
+    """
+    kind = SECTIONS[section]
+    hints = get_type_hints(kind, include_extras=True)
+    keys = {
+        f.name: (_check(hints[f.name]), f.default if f.default_factory is MISSING else f.default_factory())
+        for f in fields(kind)
+        if f.name != "options"
+    }
+    if section == "aero":
+        method = keys["method"][1] if method is None else method
+        for name in methods() if method not in methods() else (method,):
+            keys |= {key: (_checked_option(option), option.default) for key, option in method_options(name).items()}
+    return keys
+
+
+def _check(hint: Any) -> Check:
+    """The check of an annotation; one that may be None is the check of what else it may be."""
+    inner = next((part for part in get_args(hint) if get_origin(part) is Annotated), hint)
+    check: Check = get_args(inner)[1]
+    return check
+
+
+def _checked_option(option: Option) -> Check:
+    if isinstance(option.default, bool):
+        return a_flag
+    return OneOf(option.choices) if option.choices else Number(low=option.minimum, high=option.maximum)
+
+
+def offered(folder: Path) -> dict[str, Setting]:
+    """The settings that a scene offers, by name."""
+    label = f"{folder.name}/scene.toml"
+    return offered_settings(label, _parsed(folder / "scene.toml", label).get("settings", {}))
+
+
+def read_description(folder: Path, settings: Mapping[str, Any]) -> Description:
+    """The checked content of scene.toml with the given settings.
+
+    Raises `SceneError` in one sentence for whatever is missing, unknown, or not what it should be.
+    """
+    label = f"{folder.name}/scene.toml"
+    content = _parsed(folder / "scene.toml", label)
+    offers = offered_settings(label, content.get("settings", {}))
+    chosen = {key: option.default for key, option in offers.items()}
+    for key, value in settings.items():
+        if key not in offers:
+            known = ", ".join(sorted(offers)) or "none"
+            raise SceneError(f"scene '{folder.name}' has no setting '{key}'; its settings are: {known}.")
+        chosen[key] = setting(f"setting {key} of scene '{folder.name}'", value, offers[key])
+    unknown = set(content) - set(SECTIONS) - {"title", "description", "settings", "variants"}
+    if unknown:
+        raise SceneError(f"{label} has an unknown section [{sorted(unknown)[0]}]; known are: {', '.join(SECTIONS)}.")
+    changes = variant(label, content.get("variants", {}), chosen.get("variant"), SECTIONS)
+    sections = _sections(label, content, changes)
+    return Description(
+        str(content.get("title", folder.name)),
+        str(content.get("description", "")),
+        offers,
+        chosen,
+        Choices(**chosen),
+        **sections,
+    )
+
+
+def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Name -> section, None where the scene has none."""
+    absent = {section for section in _OPTIONAL if section not in content and section not in changes}
+    lacks = next((n for n, o in (("aero", "wing"), ("wing", "trim")) if n in absent and o not in absent), None)
+    if lacks:
+        raise SceneError(
+            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
+            "wing has a flow around its lines, or none)."
+        )
+    found: dict[str, Any] = {}
+    for section in SECTIONS:
+        given = content.get(section, {})
+        if section in absent:
+            found[section] = None
+            continue
+        if not isinstance(given, dict):
+            raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
+        found[section] = _section(label, section, {**given, **changes.get(section, {})})
+    soft = [k for k in ("springs", "canopy", "tubes") if getattr(found["structure"], k) is not None]
+    if found["aero"] is not None and found["wing"] is None and soft:
+        raise SceneError(
+            f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
+            f"have a flow without it, and [structure] has {soft[0]})."
+        )
+    trim = found["trim"]
+    if trim is not None and trim.lowest_deg >= trim.highest_deg:
+        raise SceneError(f"{label}: [trim] highest_deg must be above lowest_deg; correct one of them.")
+    return found
+
+
+def _parsed(path: Path, label: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise SceneError(f"{label} does not exist; a scene is a folder with a scene.toml.") from None
+    except (ValueError, OSError, RecursionError) as error:  # TOML and Unicode errors are ValueErrors
+        reason = " ".join(str(error).split())[:200]
+        raise SceneError(f"{label} is not valid TOML ({reason}); mend that line.") from None
+
+
+def _section(label: str, section: str, given: Mapping[str, Any]) -> Any:
+    known = known_keys(section, given.get("method"))
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        raise SceneError(f"{label}: [{section}] has an unknown key '{unknown[0]}'; known are: {', '.join(known)}.")
+    values = {}
+    for key, (check, default) in known.items():
+        if key not in given:
+            if default is MISSING:
+                raise SceneError(f"{label}: [{section}] lacks '{key}'; add it.")
+            values[key] = default
+            continue
+        try:
+            values[key] = check(given[key])
+        except Wrong as wanted:
+            shown = str(given[key])[:40]
+            raise SceneError(f"{label}: [{section}] {key} must be {wanted}; it is {shown!r}.") from None
+    own = {f.name for f in fields(SECTIONS[section])}
+    options = {key: values.pop(key) for key in list(values) if key not in own}
+    return SECTIONS[section](**values, **({"options": options} if "options" in own else {}))

@@ -1,0 +1,222 @@
+"""The members of a scene from its tables: nodes, elements in groups and masses, checked and at the scene's scale."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from structural import Chains
+
+from ..members import Members
+from ..schema import Choices, SceneError, StructureInput
+from .elements import Element, canopy_bending, canopy_quads, lines, mass_shares, point_masses, springs
+from .inflatable_wing import read_wing_mesh
+from .tables import name, number, read_table
+
+NEEDED = ("ribs", "tube_pressure", "canopy_stiffness", "canopy_shear_stiffness")
+OF_FABRIC = ("tube_stiffness", "tube_shear_stiffness")
+# Keys and settings that say nothing without tubes, and settings that say nothing with them.
+_ONLY_TUBES = (*NEEDED, *OF_FABRIC, "attachments", "wing_mass", "canopy_density", "hold")
+_TUBE_SETTINGS = ("canopy_stations", "canopy_subdivisions", "tube_law")
+_STRUT_SETTINGS = ("chord", "panels_per_section")
+
+
+def read_members(folder: Path, structure: StructureInput, choices: Choices, offered: Iterable[str]) -> Members:
+    """All members of the [structure] section, checked: missing and duplicate nodes and names, dangling lines.
+
+    `offered` are the names of the settings that the scene has.
+    """
+    check_wing_keys(folder, structure, choices, offered)
+    labels, nodes, fixed = _nodes(folder / structure.nodes)
+    wing = None
+    if structure.tubes:
+        mesh = choices.canopy_stations, choices.canopy_subdivisions
+        wing = read_wing_mesh(folder, structure, labels, nodes, fixed, *mesh)
+        labels, nodes = wing.labels, wing.nodes
+        fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
+    table_index = {label: i for i, label in enumerate(labels)}
+    elements: list[Element] = []
+    taken: dict[str, str] = {}
+    for key, read in (("springs", springs), ("canopy", canopy_quads), ("lines", lines)):
+        if getattr(structure, key):
+            for element, where in read(folder / getattr(structure, key), table_index, nodes, structure):
+                if element.name in taken:
+                    raise SceneError(
+                        f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename."
+                    )
+                taken[element.name] = where
+                elements.append(element)
+    if wing is not None:
+        for label, ends, l0, k in wing.springs:
+            if label in taken:
+                raise SceneError(f"{taken[label]}: the canopy of the wing has a part named '{label}'; rename the row.")
+            elements.append(Element(label, ends, l0, k, 0.0, False, 0.0, True))
+    if not elements:
+        raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
+    mass = np.zeros(len(nodes))
+    of_wing = np.zeros(len(nodes)) if wing is None else wing_masses(folder, structure, wing)
+    for e in elements:
+        share = mass_shares(nodes[list(e.nodes)]) * e.mass
+        np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
+    if structure.masses:
+        point_masses(folder / structure.masses, table_index, mass)
+    check_connected(folder, structure, labels, fixed, elements, wing)
+    groups, area = _grouped(elements)
+    bending = _bending(folder, structure, table_index, nodes)
+    members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing, bending)
+    return members if choices.scale == 1.0 else _scaled(members, float(choices.scale))
+
+
+def _bending(folder, structure, index, nodes):
+    stiffness = structure.canopy_bending_stiffness
+    if stiffness is None:
+        return ()
+    if not structure.canopy:
+        where = f"{folder.name}/scene.toml: [structure] canopy_bending_stiffness"
+        raise SceneError(f"{where} is that of a table 'canopy' of quads; add one or drop it.")
+    return canopy_bending(folder / structure.canopy, index, nodes, stiffness)
+
+
+def _scaled(members, factor):
+    """A geometrically similar kite: lengths and diameters by the factor, fabrics the same.
+
+    All masses go with the square of the factor, as those of the fabric do; stiffnesses of springs and fabric stay,
+    those of lines follow their modulus.
+    """
+    wing = members.wing
+    if wing is not None:
+        tubes = replace(wing.tubes, radius=factor * wing.tubes.radius)
+        wing = replace(wing, nodes=factor * wing.nodes, tubes=tubes)
+    groups, start = [], 0
+    for group in members.chains:
+        line = members.area[start : start + len(group.l0)] > 0.0
+        start += len(group.l0)
+        groups.append(replace(group, l0=factor * group.l0, k=np.where(line, factor * group.k, group.k)))
+    bending = tuple(replace(b, arms=factor * b.arms, k=b.k) for b in members.bending)  # EI ~ width, k = EI / arm
+    return replace(
+        members,
+        nodes=factor * members.nodes,
+        bending=bending,
+        chains=tuple(groups),
+        area=factor**2 * members.area,
+        mass=factor**2 * members.mass,
+        wing_mass=factor**2 * members.wing_mass,
+        wing=wing,
+    )
+
+
+def _nodes(path: Path):
+    table = read_table(path, {"node": name, "x_m": number, "y_m": number, "z_m": number, "fixed": _directions})
+    seen: dict[str, int] = {}
+    for row, label in enumerate(table["node"]):
+        if label in seen:
+            raise SceneError(
+                f"{table.at(row)}: node '{label}' stands already in row {table.lines[seen[label]]}; rename it."
+            )
+        seen[label] = row
+    nodes = np.array([table["x_m"], table["y_m"], table["z_m"]]).T
+    fixed = np.array([[axis in f for axis in "xyz"] for f in table["fixed"]])
+    if not fixed.any():
+        raise SceneError(
+            f"{table.path.parent.name}/{path.name}: no node is fixed; put xyz into 'fixed' of at least one."
+        )
+    return tuple(table["node"]), nodes, fixed
+
+
+def _directions(text: str) -> str:
+    if set(text) - set("xyz"):
+        raise ValueError
+    return text
+
+
+def _grouped(elements):
+    order = sorted(range(len(elements)), key=lambda i: len(elements[i].nodes))
+    groups = []
+    for size in sorted({len(e.nodes) for e in elements}):
+        part = [elements[i] for i in order if len(elements[i].nodes) == size]
+        groups.append(
+            Chains(
+                np.array([e.nodes for e in part]),
+                np.array([e.l0 for e in part], float),
+                np.array([e.k for e in part], float),
+                np.array([e.two_way for e in part], bool),
+                tuple(e.name for e in part),
+            )
+        )
+    return tuple(groups), np.array([elements[i].area for i in order])
+
+
+def check_wing_keys(folder, structure, choices, offered):
+    """`SceneError` in one sentence where a key or a setting is missing for the kind of wing, or means nothing to it."""
+    label, tubes = f"{folder.name}/scene.toml", bool(structure.tubes)
+    if not tubes and (odd := [key for key in _ONLY_TUBES if getattr(structure, key)]):
+        raise SceneError(f"{label}: [structure] {odd[0]} means nothing without 'tubes'; add these or remove it.")
+    for key in _STRUT_SETTINGS if tubes else _TUBE_SETTINGS:
+        if key in offered:
+            kind = "tubes and ribs" if tubes else "springs and struts"
+            raise SceneError(f"{label}: [settings.{key}] means nothing to a wing of {kind}; remove it.")
+    if not tubes:
+        return
+    fabric = OF_FABRIC if choices.tube_law == "fabric" else ()
+    for key in (*NEEDED, *fabric):
+        if getattr(structure, key) is None:
+            raise SceneError(f"{label}: [structure] lacks '{key}', which tubes need; add it.")
+    if structure.tube_pressure <= 0.0:
+        raise SceneError(
+            f"{label}: [structure] tube_pressure must be above zero; give the pressure in the tubes less that of the "
+            "air around them, in Pa."
+        )
+    for key, least in (("canopy_stations", 2), ("canopy_subdivisions", 1)):
+        value = getattr(choices, key)
+        if not isinstance(value, int) or value < least:
+            raise SceneError(f"{label}: [settings.{key}] must be a whole number, {least} or more; it is {value}.")
+
+
+def wing_masses(folder, structure, wing):
+    """Masses (n,) kg of the wing: the canopy by its area, the rest of `wing_mass` along the tubes (LEI thesis 6.2)."""
+    canopy = float(wing.canopy_mass.sum())
+    total = canopy if structure.wing_mass is None else structure.wing_mass
+    if total < canopy:
+        raise SceneError(
+            f"{folder.name}/scene.toml: [structure] wing_mass of {total:g} kg is less than the canopy's {canopy:.3g} "
+            "kg; correct wing_mass or canopy_density."
+        )
+    return wing.canopy_mass + (total - canopy) * wing.tube_length / wing.tube_length.sum()
+
+
+def check_connected(folder, structure, labels, fixed, elements, wing):
+    """Every free node needs two elements, or one rope running over it: otherwise a line dangles. Whatever hangs
+    together must be held somewhere.
+    """
+    held = np.zeros(len(labels))
+    joined = [e.nodes for e in elements]
+    for e in elements:
+        for i, n in enumerate(e.nodes):
+            held[n] += 2.0 if 0 < i < len(e.nodes) - 1 or e.two_way or e.fabric else 1.0
+    if wing is not None:
+        held[wing.tubes.ends] += 2.0
+        held[wing.riders] += 2.0
+        joined += [*map(tuple, wing.tubes.ends), *zip(wing.riders, wing.frames[wing.carriers], strict=True)]
+    for n, label in enumerate(labels):
+        if held[n] == 0.0 and not fixed[n].all():
+            raise SceneError(
+                f"{folder.name}/{structure.nodes}: node '{label}' belongs to no element; connect or remove it."
+            )
+        if held[n] == 1.0 and not fixed[n].all():
+            line = next(e.name for e in elements if n in e.nodes)
+            where = f"{folder.name}/{structure.lines}"
+            raise SceneError(f"{where}: line '{line}' dangles at node '{label}'; connect that end or fix the node.")
+    pairs = np.array([pair for nodes in joined for pair in pairwise(nodes)]).T
+    graph = sp.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(labels), len(labels)))
+    count, part = connected_components(graph, directed=False)
+    supported = np.bincount(part, fixed.any(axis=1), minlength=count) > 0.0
+    for n, label in enumerate(labels):
+        if not supported[part[n]] and held[n] > 0.0:
+            raise SceneError(
+                f"{folder.name}/{structure.nodes}: the part with node '{label}' hangs on no fixed node; connect it "
+                "to the rest or fix one of its nodes."
+            )

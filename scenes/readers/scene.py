@@ -1,0 +1,108 @@
+"""Reads a scene: a folder with a scene.toml and its tables, checked, becomes a `Scene` that is ready to be solved."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..builders.interface import design_interface, grid_interface, lines_interface, structural_interface, with_lines
+from ..interface import Interface
+from ..members import Members
+from ..scene import Scene, Source
+from ..schema import SceneError, Setting
+from .description import Description, offered, read_description
+from .lifting_surface import design_edges, read_polars, read_sections, read_struts
+from .members import read_members
+from .point_loads import read_loads
+from .tables import Table
+
+BUILT_IN = Path(__file__).resolve().parents[1]
+_TABLES = ("nodes", "springs", "canopy", "lines", "masses", "ribs", "tubes", "attachments", "loads")  # of [structure]
+
+
+def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
+    """The scene with this name or in this folder; raises `SceneError` with one sentence where anything is wrong."""
+    folder = _folder(scene)
+    read = read_description(folder, settings or {})
+    read = _scaled(folder, read)
+    members = read_members(folder, read.structure, read.choices, read.offers)
+    struts = read_struts(folder, read, members)
+    sections = None if read.wing is None else read_sections(folder, read)
+    pivot = read.structure.pivot
+    return Scene(
+        folder.name,
+        read.title,
+        read.description,
+        read.chosen,
+        read.choices,
+        read.structure,
+        read.wing,
+        read.aero,
+        read.trim,
+        read.dynamics,
+        members,
+        _interface(read, members, struts, sections),
+        struts,
+        None if sections is None else read_polars(folder, read, sections),
+        read_loads(folder, read.structure, members),
+        None if pivot is None else members.node(pivot, f"{folder.name}/scene.toml [structure] pivot"),
+        Source(folder, _files(read), read.offers),
+    )
+
+
+def _scaled(folder: Path, read: Description) -> Description:
+    """With the reference area at the scale of the scene."""
+    scale = read.choices.scale
+    if scale <= 0.0:
+        raise SceneError(f"{folder.name}/scene.toml: [settings.scale] must be above zero; it is {scale:g}.")
+    if read.aero is None:
+        return read
+    if read.wing is not None and read.aero.reference_area is None:
+        raise SceneError(f"{folder.name}/scene.toml: [aero] lacks 'reference_area'; add it.")
+    return replace(read, aero=replace(read.aero, reference_area=(read.aero.reference_area or 1.0) * scale**2))
+
+
+def _interface(read: Description, members: Members, struts: Any, sections: Table | None) -> Interface:
+    """The interface mesh for the chosen chord and number of strips, with the lines where they have drag."""
+    nodes, choices = members.nodes, read.choices
+    if members.wing is not None:
+        found = grid_interface(nodes, members.wing.grid)
+    elif sections is None:
+        found = lines_interface(nodes)
+    elif choices.chord == "design":
+        found = design_interface(nodes, struts, *design_edges(sections, choices.scale), choices.panels_per_section)
+    else:
+        found = structural_interface(nodes, struts, choices.panels_per_section)
+    legs, diameter = members.line_legs()
+    drag = choices.line_drag == "on" and len(legs)
+    return with_lines(found, nodes, legs, diameter) if drag else found
+
+
+def _files(read: Description) -> tuple[str, ...]:
+    """The files in the scene's folder that it is made of, for the chosen settings."""
+    tables = [getattr(read.structure, key) for key in _TABLES]
+    tables += [] if read.wing is None else [read.wing.struts, read.wing.sections, read.wing.polars]
+    return ("scene.toml", *(t for t in tables if t))
+
+
+def settings_of(scene: str | Path) -> dict[str, Setting]:
+    """The settings that a scene offers; SceneError as above."""
+    return offered(_folder(scene))
+
+
+def _folder(scene: str | Path) -> Path:
+    """The folder of a scene given by path or by the name of a built-in one."""
+    for folder in (Path(scene), BUILT_IN / str(scene)):
+        try:
+            if str(scene) and (folder / "scene.toml").exists():
+                return folder.resolve()
+        except (OSError, ValueError):  # names that no file can have
+            break
+    known = ", ".join(available())
+    shown = str(scene)[:80]
+    raise SceneError(f"there is no scene '{shown}'; built-in are: {known} (or name a folder with a scene.toml).")
+
+
+def available() -> list[str]:
+    """Names of the built-in scenes."""
+    return sorted(p.parent.name for p in BUILT_IN.glob("*/scene.toml"))

@@ -1,0 +1,282 @@
+"""What a scene.toml may say: its sections as dataclasses, with what each value must be.
+
+A key is a field: its annotation says what it is checked by, its default what a scene has without it; a field without a
+default must be given. Values are in the units that the docstrings name. `readers.description` fills them.
+"""
+
+import math
+from dataclasses import dataclass, field
+from pathlib import PurePath
+from typing import Annotated, Any
+
+from interface.line_drag import FRICTION, NORMAL_DRAG
+
+INTEGRATION = ("implicit-euler", "generalised-alpha", "bdf2")
+
+
+class SceneError(ValueError):
+    """Something in a scene or in the settings given for it is wrong; the message is one sentence with the remedy."""
+
+
+class Wrong(ValueError):
+    """What a value should have been."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A finite number from `low` to `high`, or greater than `above`."""
+
+    low: float = -math.inf
+    above: float = -math.inf
+    high: float = math.inf
+
+    @property
+    def meaning(self) -> str:
+        """The kind of number, for a sentence."""
+        if self.high < math.inf:
+            return f"a number from {self.low:g} to {self.high:g}"
+        if self.above > -math.inf:
+            return f"a finite number above {self.above:g}"
+        return "a finite number" if self.low == -math.inf else f"a finite number, {self.low:g} or more"
+
+    def __call__(self, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise Wrong(self.meaning)
+        try:
+            number = float(value)
+        except OverflowError:
+            raise Wrong(self.meaning) from None
+        if not math.isfinite(number) or not self.low <= number <= self.high or number <= self.above:
+            raise Wrong(self.meaning)
+        return number
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of some texts."""
+
+    choices: tuple[str, ...]
+
+    def __call__(self, value: Any) -> str:
+        if not isinstance(value, str) or value not in self.choices:
+            raise Wrong("one of: " + ", ".join(self.choices))
+        return value
+
+
+def a_file(value: Any) -> str:
+    """The name of a file in the scene's folder."""
+    if not isinstance(value, str) or not value.isprintable() or PurePath(value).name != value:
+        raise Wrong("the name of a file in the scene's folder")
+    return value
+
+
+def a_node(value: Any) -> str:
+    """The name of a node."""
+    if isinstance(value, bool) or not isinstance(value, str | int):
+        raise Wrong("the name of a node")
+    return str(value)
+
+
+def a_flag(value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise Wrong("true or false")
+    return value
+
+
+def a_method(value: Any) -> str:
+    """The name of a method for the flow."""
+    from aero.methods import methods
+
+    return OneOf(methods())(value)
+
+
+def a_direction(value: Any) -> tuple[float, ...]:
+    """A vector of any length above zero."""
+    meaning = "three finite numbers that are not all zero"
+    if not isinstance(value, list) or len(value) != 3:
+        raise Wrong(meaning)
+    try:
+        numbers = tuple(Number()(v) for v in value)
+    except Wrong:
+        raise Wrong(meaning) from None
+    if not any(numbers):
+        raise Wrong(meaning)
+    return numbers
+
+
+def lists_of_lines(value: Any) -> dict[str, tuple[str, ...]]:
+    """Parameter -> names of lines."""
+    meaning = "a table of parameter names, each with a list of line names"
+    if not isinstance(value, dict):
+        raise Wrong(meaning)
+    for name, lines in value.items():
+        if not name.isidentifier() or not isinstance(lines, list) or not lines:
+            raise Wrong(f"{meaning} ({name} has none)")
+        if not all(isinstance(line, str) for line in lines):
+            raise Wrong(meaning)
+    return {name: tuple(lines) for name, lines in value.items()}
+
+
+def named_numbers(value: Any) -> dict[str, float]:
+    """Name -> number."""
+    if not isinstance(value, dict):
+        raise Wrong("a table of names, each with a number")
+    try:
+        return {name: Number()(v) for name, v in value.items()}
+    except Wrong:
+        raise Wrong("a table of names, each with a finite number") from None
+
+
+Finite = Annotated[float, Number()]
+Positive = Annotated[float, Number(above=0.0)]
+NotNegative = Annotated[float, Number(low=0.0)]
+File = Annotated[str, a_file]
+Node = Annotated[str, a_node]
+Flag = Annotated[bool, a_flag]
+Lines = Annotated[dict[str, tuple[str, ...]], lists_of_lines]
+
+
+@dataclass(frozen=True)
+class StructureInput:
+    """[structure]: tables of nodes and elements, and what all of them share.
+
+    `line_modulus` Pa and `line_density` kg/m^3 of lines; `gravity` m/s^2 towards -z; `symmetric`: solve one half;
+    `pivot` the node that the structure pitches about, `hold` that at which roll and yaw can be held. Of an inflatable
+    wing: `tube_pressure` Pa above that of the air, `tube_stiffness` and `tube_shear_stiffness` N/m of the fabric of
+    tubes, `wing_mass` kg, `canopy_stiffness` and `canopy_shear_stiffness` N/m, `canopy_density` kg/m^2,
+    `canopy_bending_stiffness` N m. `tapes` and `reels` are parameters with the lines that they lengthen, `load_values`
+    the start values N of the parameters in the table `loads`.
+    """
+
+    nodes: File
+    springs: File | None = None
+    canopy: File | None = None
+    lines: File | None = None
+    masses: File | None = None
+    line_modulus: Positive | None = None
+    line_density: NotNegative = 0.0
+    gravity: Finite = 9.81
+    symmetric: Flag = False
+    pivot: Node | None = None
+    hold: Node | None = None
+    ribs: File | None = None
+    tubes: File | None = None
+    attachments: File | None = None
+    tube_pressure: Finite | None = None
+    tube_stiffness: Positive | None = None
+    tube_shear_stiffness: Positive | None = None
+    wing_mass: NotNegative | None = None
+    canopy_bending_stiffness: Positive | None = None
+    canopy_stiffness: Positive | None = None
+    canopy_shear_stiffness: Positive | None = None
+    canopy_density: NotNegative = 0.0
+    loads: File | None = None
+    load_values: Annotated[dict[str, float], named_numbers] = field(default_factory=dict)
+    tapes: Lines = field(default_factory=dict)
+    reels: Lines = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class WingInput:
+    """[wing]: tables of the lifting surface: struts, design sections, polars."""
+
+    struts: File | None = None
+    sections: File = field(kw_only=True)
+    polars: File = field(kw_only=True)
+
+
+@dataclass(frozen=True)
+class AeroInput:
+    """[aero]: the wind and the method for the flow around the wing.
+
+    `wind_speed` m/s, `wind_direction` (3,) of any length, `air_density` kg/m^3, `reference_area` m^2 of the
+    coefficients; `line_normal_drag` and `line_friction` are coefficients of lines in the wind. `options` are the keys
+    that only this method has.
+    """
+
+    method: Annotated[str, a_method] = "vortex-step"
+    wind_speed: Positive = field(kw_only=True)
+    wind_direction: Annotated[tuple[float, ...], a_direction] = (1.0, 0.0, 0.0)
+    air_density: Positive = 1.225
+    reference_area: Positive | None = None
+    line_normal_drag: NotNegative = NORMAL_DRAG
+    line_friction: NotNegative = FRICTION
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TrimInput:
+    """[trim]: the range of nose-up rotations, deg, in which the kite is trimmed before a run."""
+
+    lowest_deg: Finite = -5.0
+    highest_deg: Finite = 25.0
+
+
+@dataclass(frozen=True)
+class DynamicsInput:
+    """[dynamics]: what makes a scene a transient one.
+
+    `scheme` of integration with its `spectral_radius`; `longest_step`, `communication_step` and `stop_time` s;
+    `line_damping_time` and `spring_damping_time` s, damping over stiffness; `start_in_equilibrium`; gusts of
+    `gust_speed` m/s from `gust_start` s, each for `gust_duration` s, every `gust_interval` s (0: one only).
+    """
+
+    scheme: Annotated[str, OneOf(INTEGRATION)] = "generalised-alpha"
+    spectral_radius: Annotated[float, Number(low=0.0, high=1.0)] = 0.0
+    longest_step: Positive = 0.01
+    communication_step: Positive = 0.02
+    stop_time: Positive = 10.0
+    line_damping_time: NotNegative = 0.0
+    spring_damping_time: NotNegative = 0.0
+    start_in_equilibrium: Flag = False
+    gust_speed: Finite = 0.0
+    gust_start: NotNegative = 0.0
+    gust_duration: Positive = 5.0
+    gust_interval: NotNegative = 0.0
+
+
+SECTIONS = {
+    "structure": StructureInput,
+    "wing": WingInput,
+    "aero": AeroInput,
+    "trim": TrimInput,
+    "dynamics": DynamicsInput,
+}
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the settings of a scene choose when it is read; what it does not offer is as here.
+
+    `chord` "structural" or "design": which chord carries the strips; `line_drag` "on" or "off"; `panels_per_section`
+    strips between two struts; `variant` of scene.toml; `canopy_stations` cells along every chord and
+    `canopy_subdivisions` between two ribs; `tube_law` of the bending of tubes; `camber_feedback` "on" or "off";
+    `scale` of all lengths; `integration` the scheme of motion, None as [dynamics] says; `line_area` of lines in the
+    wind: "inclined" or "projected".
+    """
+
+    chord: str = "structural"
+    line_drag: str = "off"
+    panels_per_section: int = 1
+    variant: str | None = None
+    canopy_stations: int = 6
+    canopy_subdivisions: int = 1
+    tube_law: str = "breukels"
+    camber_feedback: str = "off"
+    scale: float = 1.0
+    integration: str | None = None
+    line_area: str = "inclined"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A choice that a scene offers: a text of `options`, or a number from `minimum` to `maximum`, whole where the
+    `default` is.
+    """
+
+    default: Any
+    options: tuple[str, ...] = ()
+    minimum: float = 1
+    maximum: float = 100
+    description: str = ""
