@@ -1,6 +1,6 @@
 """The section of an inflated tube: end moments from the flexibility of the element, for any bending law."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -43,11 +43,6 @@ class TubeSection(Section):
     peak: np.ndarray  # N m
     rate: np.ndarray  # m
     bending: Any
-
-    def select(self, rows):
-        """The section of the chosen elements."""
-        own = (getattr(self, f.name)[rows] for f in fields(self) if f.name != "bending")
-        return TubeSection(*own, self.bending.select(rows))
 
     def response(self, natural, l0):
         """Forces (e,6) and tangents (e,6,6) at the natural deformations (e,6)."""
@@ -122,7 +117,7 @@ class TubeSection(Section):
             if not np.any(off > _CLOSE):
                 break
             step = np.linalg.solve(flexibility, gap[..., None])[..., 0]
-            size, trial = np.ones(len(l0)), None
+            size = np.ones(len(l0))
             for _ in range(12):
                 trial = ends + size[:, None] * step
                 found, new = self._rotations(trial.reshape(-1, 2, 2), l0)
