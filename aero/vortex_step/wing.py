@@ -221,11 +221,6 @@ def _whole(circulation, force, moment, n):
     def join(a, b):
         return np.concatenate([a[image], b])
 
-    whole = Circulation(
-        *(join(getattr(circulation, k), getattr(circulation, k)) for k in ("gamma", "alpha", "speed", "outside")),
-        circulation.converged,
-        circulation.newton_iterations,
-        circulation.residual,
-        circulation.viscosity,
-    )
+    halves = {name: getattr(circulation, name) for name in ("gamma", "alpha", "speed", "outside")}
+    whole = replace(circulation, **{name: join(half, half) for name, half in halves.items()})
     return whole, join(mirrored, force), join(moment, moment)

@@ -59,7 +59,8 @@ class StaticProblem:
 
     def moved(self, at, step):
         """See Problem."""
-        return self._assembly.moved(*at, step)
+        q, rotations = at
+        return self._assembly.moved(q, rotations, step)
 
 
 def equilibrium(
