@@ -3,10 +3,9 @@
 `aero.vortex_step` is the vortex-step method for wings of strips; it loads only where there is a wing.
 """
 
-from .coefficients import Coefficients, coefficients
 from .line_drag import LinesInWind, line_loads, line_loads_derivative
 from .model import AeroModel, Flow, Response, StripLayout, Wing
-from .wind import Gusts
+from .wind import Coefficients, Gusts, coefficients, glide_ratio
 
 __all__ = [
     "AeroModel",
@@ -18,6 +17,7 @@ __all__ = [
     "StripLayout",
     "Wing",
     "coefficients",
+    "glide_ratio",
     "line_loads",
     "line_loads_derivative",
 ]

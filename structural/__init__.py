@@ -14,8 +14,7 @@ from .loads.legs import drag_forces, line_load_forces, line_load_forces_and_tang
 from .materials.sections import LinearSection
 from .materials.tubes import breukels_tube, collapse_deflection, inflatable_tube, tip_load, torque
 from .model import Loads, Structure, interface_groups, interface_loads
-from .solve.sensitivity import LoadSensitivity
-from .solve.statics import Equilibrium, equilibrium
+from .solve.statics import Equilibrium, LoadSensitivity, equilibrium
 
 __all__ = [
     "Assembly",

@@ -53,15 +53,11 @@ class _Elements:
 
 @dataclass(frozen=True, eq=False)
 class _Carrier:
-    """A load group as the assembly has it; its values go by scatter maps from structural nodes, else by sparse maps."""
+    """A load group as the assembly has it: which `rows` of the `whole` are solved for, and these as a `group`."""
 
     rows: np.ndarray
     whole: int
     group: LoadGroup
-    forces: "Scatter | None" = None
-    stiffness: "Scatter | None" = None
-    carried: CarriedElements | None = None
-    spread: sp.csr_array | None = None
 
     def part(self, load):
         """The values on the elements that are solved for."""
@@ -69,15 +65,55 @@ class _Carrier:
 
     def points(self, x):
         """Values (e,m,3) at the corners of values x (n,3) at the nodes."""
-        return x[self.group.nodes] if self.carried is None else self.carried.corners(x)
+        raise NotImplementedError
 
     def generalised(self, forces):
         """Generalised forces (w,) of forces (e,m,3) N on the corners."""
-        return self.forces(forces) if self.carried is None else self.carried.generalised(forces)
+        raise NotImplementedError
 
     def data(self, tangents):
         """Data of the structure's tangent from those of the elements (e,3m,3m)."""
-        return self.stiffness(tangents) if self.carried is None else self.spread @ tangents.reshape(-1)
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class _OnNodes(_Carrier):
+    """A load group between structural nodes: values go by scatter maps."""
+
+    forces: "Scatter"
+    stiffness: "Scatter"
+
+    def points(self, x):
+        """See _Carrier."""
+        return x[self.group.nodes]
+
+    def generalised(self, forces):
+        """See _Carrier."""
+        return self.forces(forces)
+
+    def data(self, tangents):
+        """See _Carrier."""
+        return self.stiffness(tangents)
+
+
+@dataclass(frozen=True, eq=False)
+class _OnSurface(_Carrier):
+    """A load group on a surface that structural nodes carry: values go by sparse maps."""
+
+    carried: CarriedElements
+    stiffness: sp.csr_array
+
+    def points(self, x):
+        """See _Carrier."""
+        return self.carried.corners(x)
+
+    def generalised(self, forces):
+        """See _Carrier."""
+        return self.carried.generalised(forces)
+
+    def data(self, tangents):
+        """See _Carrier."""
+        return self.stiffness @ tangents.reshape(-1)
 
 
 class Assembly:
@@ -124,11 +160,13 @@ class Assembly:
         return unique_half(images)
 
     def _build_pattern(self):
-        u, s, images = self._wide, self.structure, {}
+        u, s = self._wide, self.structure
+        images: dict[int, np.ndarray | None] = {}
         n = len(s.nodes)
         halves = [self._halved(group) for group in s.groups]
         blocks = [(g.dofs(n)[rows], weight) for g, (rows, weight) in zip(s.groups, halves, strict=True)]
-        carriers, entries = [], []
+        carriers: list[tuple[np.ndarray, LoadGroup, LoadGroup, CarriedElements | None]] = []
+        entries = []
         for name, group in s.load_groups.items():
             rows, weight = self._halved_surface(name, group, images)
             part = group.select(rows)
@@ -146,19 +184,20 @@ class Assembly:
         self._nnz = len(places.keys)
         scatter = list(zip(blocks, places.forces, places.stiffness, strict=True))
         self._elements = [
-            _Elements(*half, dofs, f, k) for half, ((dofs, _), f, k) in zip(halves, scatter[: len(halves)], strict=True)
+            _Elements(rows, weight, dofs, f, k)
+            for (rows, weight), ((dofs, _), f, k) in zip(halves, scatter[: len(halves)], strict=True)
         ]
         self._scatter_skew, self._node_k = (k for _, _, k in scatter[-2:])
         direct, spread = iter(scatter[len(halves) : -2]), iter(zip(places.places, entries, strict=True))
-        self._carriers = {}
-        for name, (rows, group, part, carried) in zip(s.load_groups, carriers, strict=True):
-            if carried is None:
+        self._carriers: dict[str, _Carrier] = {}
+        for name, (rows, group, part, surface) in zip(s.load_groups, carriers, strict=True):
+            if surface is None:
                 _, f, k = next(direct)
-                self._carriers[name] = _Carrier(rows, len(group), part, f, k)
+                self._carriers[name] = _OnNodes(rows, len(group), part, f, k)
             else:
                 target, (_, _, position, factor) = next(spread)
-                matrix = carried.stiffness_map(target, position, factor, self._nnz)
-                self._carriers[name] = _Carrier(rows, len(group), part, carried=carried, spread=matrix)
+                matrix = surface.stiffness_map(target, position, factor, self._nnz)
+                self._carriers[name] = _OnSurface(rows, len(group), part, surface, matrix)
         self._reduce(places.keys, places.diagonal)
 
     def _reduce(self, keys, diagonal):

@@ -3,10 +3,9 @@
 from .circulation import Circulation
 from .model import VortexStepModel
 from .polars import StripPolars
-from .sensitivity import WingSensitivity
 from .strips import Strips, strips_between
 from .surface_loads import SurfaceGrid
-from .wing import VortexStep, WingLoads
+from .wing import VortexStep, WingLoads, WingSensitivity
 
 __all__ = [
     "Circulation",

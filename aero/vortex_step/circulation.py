@@ -183,7 +183,7 @@ def _pseudo_time(flow, gamma, scale, patience):
     Ends when `patience` steps in a row have brought no smaller F.
     """
     f, state = flow.imbalance(gamma)
-    best, norm = gamma, np.linalg.norm(f)
+    best, norm = gamma, float(np.linalg.norm(f))
     smallest, dt, waited = norm, 1.0, 0
     for count in range(MAX_PSEUDO_TIME):
         if norm <= TOLERANCE * scale:
@@ -192,7 +192,7 @@ def _pseudo_time(flow, gamma, scale, patience):
         j[np.diag_indices(len(gamma))] += 1.0 / dt
         gamma = gamma - np.linalg.solve(j, f)
         f, state = flow.imbalance(gamma)
-        new = np.linalg.norm(f)
+        new = float(np.linalg.norm(f))
         dt = min(max(dt * min(max(norm / new, 0.3), 3.0) if new > 0 else dt, 0.3), 1e8)
         norm = new
         waited += 1

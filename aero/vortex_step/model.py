@@ -7,8 +7,7 @@ import numpy as np
 from aero.model import AeroModel, Flow, Response, StripLayout
 from interface import MIRROR, StepFailed, Variable
 
-from .sensitivity import WingSensitivity
-from .wing import VortexStep
+from .wing import VortexStep, WingSensitivity
 
 # Difference of mirrored points, m, that still counts as symmetric: what a half structure leaves by rounding.
 LOPSIDED = 1e-9

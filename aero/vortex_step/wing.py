@@ -1,18 +1,19 @@
-"""Vortex-step method on a deformed wing: from interface nodes to pressures, shears and coefficients."""
+"""Vortex-step method on a deformed wing: from interface nodes to pressures and shears, and their derivatives."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
+from aero.complex_steps import STEP, moved
 from interface.mirror import MIRROR
 from interface.vectors import cross
 
 from .circulation import Circulation, SectionFlow, attached_start, flow_angle, solve
-from .influence import CORE_FRACTION, control_influence, folded, wake_influence
 from .polars import StripPolars
 from .strips import Strips, strips_between, unit
 from .surface_loads import PanelGeometry, SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
+from .vortices import CORE_FRACTION, control_influence, folded, wake_influence
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,11 +222,42 @@ def _whole(circulation, force, moment, n):
     def join(a, b):
         return np.concatenate([a[image], b])
 
-    whole = Circulation(
-        *(join(getattr(circulation, k), getattr(circulation, k)) for k in ("gamma", "alpha", "speed", "outside")),
-        circulation.converged,
-        circulation.newton_iterations,
-        circulation.residual,
-        circulation.viscosity,
-    )
+    halves = {name: getattr(circulation, name) for name in ("gamma", "alpha", "speed", "outside")}
+    whole = replace(circulation, **{name: join(half, half) for name, half in halves.items()})
     return whole, join(mirrored, force), join(moment, moment)
+
+
+class WingSensitivity:
+    """Derivative of a wing's pressures and shears with respect to its nodes, at a solved shape.
+
+    The imbalance of the circulation stays zero, F(gamma, x) = 0, so that for nodes moving along v
+
+        dgamma = -(dF/dgamma)^-1 (dF/dx) v,   dp = (dp/dgamma) dgamma + (dp/dx) v,
+
+    with the Jacobian of `SectionFlow`, inverted once. All else moves with v: strips, influence, camber, artificial
+    viscosity, panels, all of them analytic, so by complex steps (`aero.complex_steps`).
+
+    `circulation` (n,) m^2/s is the solution on `nodes` (s,3) m in the `wind` (3,) m/s, which contains the artificial
+    `viscosity`; `symmetric` as in `VortexStep.loads`. numpy.linalg.LinAlgError where the Jacobian is singular.
+    """
+
+    def __init__(self, wing: VortexStep, nodes, wind, circulation, viscosity=0.0, symmetric=False):
+        self._wing, self._nodes, self._wind, self._symmetric = wing, nodes, wind, symmetric
+        self._viscosity = viscosity
+        at = wing.placed(nodes, wind, symmetric)
+        self._gamma = circulation[at.rows]
+        flow = at.flow.with_viscosity(viscosity)
+        self._inverse = np.linalg.inv(flow.jacobian(flow.imbalance(self._gamma)[1]))
+
+    def __call__(self, direction):
+        """Derivatives of pressure (p,) Pa and shear (p,3) Pa, or None, for nodes moving along `direction` (s,3) m; a
+        mirror-symmetric one on a symmetric wing.
+        """
+        stepped, size = moved(self._nodes, direction)
+        at = self._wing.placed(stepped, self._wind, self._symmetric)
+        flow = at.flow.with_viscosity(self._viscosity)
+        gamma = self._gamma - 1j * (self._inverse @ flow.imbalance(self._gamma)[0].imag)
+        _, (_, _, _, speed, alpha, _, _, outside) = flow.imbalance(gamma)
+        circulation = Circulation(gamma, alpha, speed, outside, True, 0, 0.0, self._viscosity)
+        loads = self._wing.loaded(replace(at, flow=flow), circulation)
+        return tuple(None if a is None else a.imag / STEP * size for a in (loads.pressure, loads.shear))

@@ -1,8 +1,8 @@
-/* Python for a host that has none: finds an interpreter that has numpy and scipy, opens its library for the whole
+/* Python for an importer that has none: finds an interpreter that has numpy and scipy, opens its library for the whole
    process, and starts it.
 
    The binary of PythonFMU and the extension modules of numpy link no libpython: they expect its symbols in the process.
-   A host that is Python has them. Any other would have to be started with LD_PRELOAD, were it not for this. */
+   An importer in Python has them. Any other would have to be started with LD_PRELOAD, were it not for this. */
 
 #define _GNU_SOURCE /* RTLD_DEFAULT, pipe2, flock */
 
@@ -22,16 +22,16 @@
 #include <unistd.h>
 #include <wchar.h>
 
-#define VARIABLE "KITECOSIM_PYTHON" /* names the interpreter to take */
-#define ANSWER 65536                /* bytes, more than the longest answer: a search path */
+#define PYTHON_VARIABLE "KITECOSIM_PYTHON" /* names the interpreter to use */
+#define RESPONSE_SIZE 65536                /* bytes, more than the longest response: a search path */
 
 extern char **environ;
 
-/* Asked of an interpreter: the file of its library, its own path, and its search path, a line each; or what it lacks,
-   after an exclamation mark. */
-static const char QUESTION[] =
+/* Program for an interpreter. It prints the file of its library, its own path, and its search path, a line each; or what it
+   lacks, after an exclamation mark. */
+static const char QUERY[] =
     "import sys\n"
-    "sys.path = [p for p in sys.path if p]\n" /* not the host's working directory */
+    "sys.path = [p for p in sys.path if p]\n" /* not the importer's working directory */
     "import importlib.util, os, sysconfig\n"
     "lacks = [m for m in ('numpy', 'scipy') if importlib.util.find_spec(m) is None]\n"
     "get = sysconfig.get_config_var\n"
@@ -46,18 +46,18 @@ static const char QUESTION[] =
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 
-static void say(char *why, size_t size, const char *format, ...)
+static void write_message(char *text, size_t size, const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(why, size, format, arguments);
+    vsnprintf(text, size, format, arguments);
     va_end(arguments);
 }
 
-/* Runs `python -c QUESTION`; its output, without the last end of line, in `answer`. Returns 0 where it cannot be run. */
-static int ask(const char *python, char *answer)
+/* Runs `python -c QUERY`; its output, without the last end of line, is the `response`. Returns 0 if it cannot be run. */
+static int query_interpreter(const char *python, char *response)
 {
-    char *const arguments[] = {(char *)python, "-c", (char *)QUESTION, NULL};
+    char *const arguments[] = {(char *)python, "-c", (char *)QUERY, NULL};
     posix_spawn_file_actions_t actions;
     int ends[2], status = -1;
     size_t length = 0;
@@ -73,48 +73,49 @@ static int ask(const char *python, char *answer)
     const int spawned = posix_spawnp(&child, python, &actions, NULL, arguments, environ);
     posix_spawn_file_actions_destroy(&actions);
     close(ends[1]);
-    while (spawned == 0 && length < ANSWER - 1 &&
-           ((count = read(ends[0], answer + length, ANSWER - 1 - length)) > 0 || (count < 0 && errno == EINTR)))
+    while (spawned == 0 && length < RESPONSE_SIZE - 1 &&
+           ((count = read(ends[0], response + length, RESPONSE_SIZE - 1 - length)) > 0 || (count < 0 && errno == EINTR)))
         length += count > 0 ? (size_t)count : 0;
     close(ends[0]);
     if (spawned != 0)
         return 0;
     while (waitpid(child, &status, 0) < 0 && errno == EINTR)
         ;
-    while (length > 0 && (answer[length - 1] == '\n' || answer[length - 1] == '\r'))
+    while (length > 0 && (response[length - 1] == '\n' || response[length - 1] == '\r'))
         --length;
-    answer[length] = '\0';
-    return length > 0; /* the status is of no use: a host that ignores SIGCHLD gets none */
+    response[length] = '\0';
+    return length > 0; /* the status is of no use: an importer that ignores SIGCHLD gets none */
 }
 
 /* Opens the library, or takes the one that the process has where it is NULL, and starts the interpreter as that program,
    so that it finds its own packages; NULL is as the environment has it. `paths` are lines. */
-static int start(const char *library, const char *program, char *paths, char *why, size_t size)
+static int initialize_python(const char *library, const char *program, char *paths, char *reason, size_t size)
 {
-    void *const opened = dlopen(library, RTLD_NOW | RTLD_GLOBAL);
-    if (opened == NULL) {
-        say(why, size, "Python's library cannot be opened: %s.", dlerror());
+    void *const handle = dlopen(library, RTLD_NOW | RTLD_GLOBAL);
+    if (handle == NULL) {
+        write_message(reason, size, "Python's library cannot be opened: %s.", dlerror());
         return 0;
     }
-    int (*const running)(void) = (int (*)(void))dlsym(opened, "Py_IsInitialized");
-    void (*const initialise)(int) = (void (*)(int))dlsym(opened, "Py_InitializeEx");
-    wchar_t *(*const decode)(const char *, size_t *) =
-        (wchar_t * (*)(const char *, size_t *)) dlsym(opened, "Py_DecodeLocale");
-    void (*const name)(const wchar_t *) = (void (*)(const wchar_t *))dlsym(opened, "Py_SetProgramName");
-    int (*const run)(const char *) = (int (*)(const char *))dlsym(opened, "PyRun_SimpleString");
-    void *(*const release)(void) = (void *(*)(void))dlsym(opened, "PyEval_SaveThread");
-    if (!running || !initialise || !decode || !run || !release) {
-        say(why, size, "%s is not a Python library.", library != NULL ? library : "What has Python's symbols in this process");
+    int (*const is_initialized)(void) = (int (*)(void))dlsym(handle, "Py_IsInitialized");
+    void (*const initialize)(int) = (void (*)(int))dlsym(handle, "Py_InitializeEx");
+    wchar_t *(*const decode_locale)(const char *, size_t *) =
+        (wchar_t * (*)(const char *, size_t *)) dlsym(handle, "Py_DecodeLocale");
+    void (*const set_program_name)(const wchar_t *) = (void (*)(const wchar_t *))dlsym(handle, "Py_SetProgramName");
+    int (*const run_string)(const char *) = (int (*)(const char *))dlsym(handle, "PyRun_SimpleString");
+    void *(*const save_thread)(void) = (void *(*)(void))dlsym(handle, "PyEval_SaveThread");
+    if (!is_initialized || !initialize || !decode_locale || !run_string || !save_thread) {
+        write_message(reason, size, "%s is not a Python library.",
+                      library != NULL ? library : "What has Python's symbols in this process");
         return 0;
     }
-    if (running()) /* by somebody who had opened it for himself alone */
+    if (is_initialized()) /* by another library, which opened it with RTLD_LOCAL */
         return 1;
-    if (name != NULL && program != NULL) { /* gone in later versions; then the paths below do */
-        wchar_t *const wide = decode(program, NULL);
+    if (set_program_name != NULL && program != NULL) { /* not in later versions, for which the paths below do */
+        wchar_t *const wide = decode_locale(program, NULL);
         if (wide != NULL)
-            name(wide); /* kept by Python */
+            set_program_name(wide); /* kept by Python */
     }
-    initialise(0); /* the host keeps its signal handlers */
+    initialize(0); /* without signal handlers, which are the importer's */
     char *rest = NULL;
     for (char *path = strtok_r(paths, "\n", &rest); path != NULL; path = strtok_r(NULL, "\n", &rest)) {
         /* hexadecimal, so that no character of a path means anything to Python */
@@ -125,17 +126,17 @@ static int start(const char *library, const char *program, char *paths, char *wh
         for (const unsigned char *c = (const unsigned char *)path; *c; ++c)
             at += sprintf(text + at, "%02x", *c);
         sprintf(text + at, "'))\np in sys.path or sys.path.append(p)\ndel p\n");
-        run(text);
+        run_string(text);
         free(text);
     }
-    release(); /* any thread may call from now on. It is never finalised: numpy and scipy do not survive that */
+    save_thread(); /* any thread may call from now on. Python is never finalized: numpy and scipy do not survive that */
     return 1;
 }
 
-/* Shuts out the other threads of the process, those in the binaries of other FMUs too, and opens again by `unlock`. The
-   lock of a file belongs to the opening, not to the process; the file is one that only this process locks. Where it
-   cannot be had, only this FMU is guarded. */
-static int locked(void)
+/* Excludes the other threads of the process, also those in the binaries of other FMUs, until `release_lock`. The lock of a
+   file belongs to the open file, not to the process; the file is one that only this process locks. Where it cannot be
+   locked, only this FMU is protected. */
+static int acquire_lock(void)
 {
     pthread_mutex_lock(&lock);
     const int file = open("/proc/self/stat", O_RDONLY | O_CLOEXEC);
@@ -144,63 +145,64 @@ static int locked(void)
     return file;
 }
 
-static void unlock(int file)
+static void release_lock(int file)
 {
     if (file >= 0)
         close(file);
     pthread_mutex_unlock(&lock);
 }
 
-/* Starts the first of `candidates` that will do. */
-static int found(const char *const *candidates, char *why, size_t size)
+/* Starts the first of the `candidates` that is usable. */
+static int start_first_usable(const char *const *candidates, char *reason, size_t size)
 {
-    char *const answer = malloc(ANSWER);
+    char *const response = malloc(RESPONSE_SIZE);
     int done = 0, failed = 0;
 
-    if (answer == NULL) {
-        say(why, size, "Out of memory.");
+    if (response == NULL) {
+        write_message(reason, size, "Out of memory.");
         return 0;
     }
-    say(why, size, "No Python was found for the FMU:");
+    write_message(reason, size, "No Python was found for the FMU:");
     for (; !done && !failed && *candidates != NULL; ++candidates) {
-        const size_t length = strlen(why);
-        if (!ask(*candidates, answer)) {
-            const char *const home = getenv("PYTHONHOME"); /* of another Python, it stops this one */
-            say(why + length, size - length, " %s cannot be run%s%s;", *candidates, home != NULL ? " with PYTHONHOME=" : "",
-                home != NULL ? home : "");
-        } else if (*answer == '!') {
-            say(why + length, size - length, " %s %s;", *candidates, answer + 1);
+        const size_t length = strlen(reason);
+        if (!query_interpreter(*candidates, response)) {
+            const char *const home = getenv("PYTHONHOME"); /* that of another Python keeps this one from starting */
+            write_message(reason + length, size - length, " %s cannot be run%s%s;", *candidates,
+                          home != NULL ? " with PYTHONHOME=" : "", home != NULL ? home : "");
+        } else if (*response == '!') {
+            write_message(reason + length, size - length, " %s %s;", *candidates, response + 1);
         } else {
-            char *const program = strchr(answer, '\n');
+            char *const program = strchr(response, '\n');
             char *const paths = program != NULL ? strchr(program + 1, '\n') : NULL;
             if (paths == NULL) {
-                say(why + length, size - length, " %s gives no answer;", *candidates);
+                write_message(reason + length, size - length, " %s gives no answer;", *candidates);
                 continue;
             }
             *program = *paths = '\0';
-            done = start(answer, program + 1, paths + 1, why, size);
+            done = initialize_python(response, program + 1, paths + 1, reason, size);
             failed = !done;
         }
     }
     if (!done && !failed) {
-        const size_t length = strlen(why);
-        say(why + length, size - length,
-            " set %s to a Python 3.11 or newer with numpy, scipy and a shared library (see `kitecosim host-env`).",
-            VARIABLE);
+        const size_t length = strlen(reason);
+        write_message(reason + length, size - length,
+                      " set %s to a Python 3.11 or newer with numpy, scipy and a shared library (see `kitecosim host-env`).",
+                      PYTHON_VARIABLE);
     }
-    free(answer);
+    free(response);
     return done;
 }
 
-int start_python(char *why, size_t size)
+int start_python(char *reason, size_t size)
 {
-    static const char *const usual[] = {"python3", "python", NULL};
-    const char *const chosen[] = {getenv(VARIABLE), NULL};
+    static const char *const default_candidates[] = {"python3", "python", NULL};
+    const char *const chosen[] = {getenv(PYTHON_VARIABLE), NULL};
+    const int is_chosen = chosen[0] != NULL && *chosen[0] != '\0';
     char none[] = "";
-    const int file = locked();
-    const int there = dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL; /* a host that is Python, or was given its library */
-    const int done = there ? start(NULL, NULL, none, why, size)
-                           : found(chosen[0] != NULL && *chosen[0] != '\0' ? chosen : usual, why, size);
-    unlock(file);
+    const int file = acquire_lock();
+    const int loaded = dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL; /* an importer in Python, or with its library */
+    const int done = loaded ? initialize_python(NULL, NULL, none, reason, size)
+                            : start_first_usable(is_chosen ? chosen : default_candidates, reason, size);
+    release_lock(file);
     return done;
 }

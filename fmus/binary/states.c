@@ -1,130 +1,130 @@
-/* The states of an instance. What the host holds is an entry of a list, so that what is not one of them is found out. */
+/* The FMU states of an instance. What the importer holds is an entry of a list, so that an invalid one is recognised. */
 
 #include "instance.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-void free_state(Instance *self, State *state)
+void remove_state(Instance *self, FmuState *state)
 {
-    State **link = &self->states;
+    FmuState **link = &self->states;
     while (*link != state)
         link = &(*link)->next;
     *link = state->next;
-    slave_release(state->bytes);
-    slave_release(state->content);
+    slave_release_object(state->serialized);
+    slave_release_object(state->object);
     free(state);
 }
 
-static State *known(Instance *self, const void *state)
+static FmuState *find_state(Instance *self, const void *state)
 {
-    State *entry = self->states;
+    FmuState *entry = self->states;
     while (entry != NULL && entry != state)
         entry = entry->next;
     if (entry == NULL)
-        refused(self, "The state is not one of this instance, or was freed.");
+        log_error(self, "The state is not one of this instance, or was freed.");
     return entry;
 }
 
-/* Keeps a state and hands it out; one that was given to be replaced is freed. */
-static int kept(Instance *self, void *content, void **state)
+/* Adds a state to the list and returns it in `state`; one that it replaces there is freed. */
+static int store_state(Instance *self, void *object, void **state)
 {
-    State *const entry = malloc(sizeof *entry);
+    FmuState *const entry = malloc(sizeof *entry);
     if (entry == NULL) {
-        slave_release(content);
-        return refused(self, "Out of memory.");
+        slave_release_object(object);
+        return log_error(self, "Out of memory.");
     }
-    for (State *old = self->states; old != NULL; old = old->next)
+    for (FmuState *old = self->states; old != NULL; old = old->next)
         if (old == *state) {
-            free_state(self, old);
+            remove_state(self, old);
             break;
         }
-    *entry = (State){content, NULL, self->states};
+    *entry = (FmuState){object, NULL, self->states};
     self->states = entry;
     *state = entry;
-    return judged(self, 1);
+    return call_status(self, 1);
 }
 
-int save_state(void *component, void **state)
+int get_fmu_state(void *component, void **state)
 {
-    Instance *const self = begun(component);
-    void *content = NULL;
+    Instance *const self = begin_call(component);
+    void *object = NULL;
     if (self == NULL)
         return ERROR;
     if (state == NULL)
-        return refused(self, "There is no place for a state at a null pointer.");
-    return slave_state(&self->slave, &content) ? kept(self, content, state) : ERROR;
+        return log_error(self, "There is no place for a state at a null pointer.");
+    return slave_get_state(&self->slave, &object) ? store_state(self, object, state) : ERROR;
 }
 
-int restore_state(void *component, void *state)
+int set_fmu_state(void *component, void *state)
 {
-    Instance *const self = begun(component);
-    State *const entry = self != NULL ? known(self, state) : NULL;
+    Instance *const self = begin_call(component);
+    FmuState *const entry = self != NULL ? find_state(self, state) : NULL;
     if (entry == NULL)
         return ERROR;
-    self->discarded = 0;
-    return judged(self, slave_restore(&self->slave, entry->content));
+    self->step_failed = 0;
+    return call_status(self, slave_set_state(&self->slave, entry->object));
 }
 
-int give_back_state(void *component, void **state)
+int free_fmu_state(void *component, void **state)
 {
-    Instance *const self = begun(component);
+    Instance *const self = begin_call(component);
     if (self == NULL)
         return ERROR;
-    if (state == NULL || *state == NULL) /* nothing to free, by the standard */
+    if (state == NULL || *state == NULL) /* by the standard nothing to free */
         return OK;
-    State *const entry = known(self, *state);
+    FmuState *const entry = find_state(self, *state);
     if (entry == NULL)
         return ERROR;
-    free_state(self, entry);
+    remove_state(self, entry);
     *state = NULL;
     return OK;
 }
 
-/* The serialised form of a state; NULL where there is none. */
-static const char *serialised(Instance *self, State *entry, size_t *size)
+/* The bytes of a state, serialized once until they are copied; NULL if that fails. */
+static const char *serialized_bytes(Instance *self, FmuState *entry, size_t *size)
 {
-    if (entry->bytes == NULL && !slave_serialise(&self->slave, entry->content, &entry->bytes))
+    if (entry->serialized == NULL && !slave_serialize(&self->slave, entry->object, &entry->serialized))
         return NULL;
-    return slave_bytes(entry->bytes, size);
+    return slave_bytes_content(entry->serialized, size);
 }
 
-int state_size(void *component, void *state, size_t *size)
+int serialized_state_size(void *component, void *state, size_t *size)
 {
-    Instance *const self = begun(component);
-    State *const entry = self != NULL ? known(self, state) : NULL;
+    Instance *const self = begin_call(component);
+    FmuState *const entry = self != NULL ? find_state(self, state) : NULL;
     if (entry == NULL)
         return ERROR;
     if (size == NULL)
-        return refused(self, "There is no place for a size at a null pointer.");
-    return judged(self, serialised(self, entry, size) != NULL);
+        return log_error(self, "There is no place for a size at a null pointer.");
+    return call_status(self, serialized_bytes(self, entry, size) != NULL);
 }
 
-int serialise_state(void *component, void *state, char bytes[], size_t size)
+int serialize_fmu_state(void *component, void *state, char bytes[], size_t size)
 {
-    Instance *const self = begun(component);
-    State *const entry = self != NULL ? known(self, state) : NULL;
+    Instance *const self = begin_call(component);
+    FmuState *const entry = self != NULL ? find_state(self, state) : NULL;
     size_t needed = 0;
     if (entry == NULL)
         return ERROR;
-    const char *const content = serialised(self, entry, &needed);
+    const char *const content = serialized_bytes(self, entry, &needed);
     if (content == NULL)
         return ERROR;
     if (bytes == NULL || size < needed)
-        return refused(self, "The state takes %zu bytes, and %zu were given.", needed, bytes == NULL ? 0 : size);
+        return log_error(self, "The state takes %zu bytes, and %zu were given.", needed, bytes == NULL ? 0 : size);
     memcpy(bytes, content, needed);
-    slave_release(entry->bytes);
-    entry->bytes = NULL;
-    return judged(self, 1);
+    slave_release_object(entry->serialized);
+    entry->serialized = NULL;
+    return call_status(self, 1);
 }
 
-int read_state(void *component, const char bytes[], size_t size, void **state)
+int deserialize_fmu_state(void *component, const char bytes[], size_t size, void **state)
 {
-    Instance *const self = begun(component);
-    void *content = NULL;
+    Instance *const self = begin_call(component);
+    void *object = NULL;
     if (self == NULL)
         return ERROR;
     if (bytes == NULL || state == NULL)
-        return refused(self, "There are no bytes, or no place for a state, at a null pointer.");
-    return slave_read(&self->slave, bytes, size, &content) ? kept(self, content, state) : ERROR;
+        return log_error(self, "There are no bytes, or no place for a state, at a null pointer.");
+    return slave_deserialize(&self->slave, bytes, size, &object) ? store_state(self, object, state) : ERROR;
 }

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from aero import AeroModel, Flow, Gusts, coefficients
-from aero.coefficients import glide_ratio
+from aero import AeroModel, Flow, Gusts, coefficients, glide_ratio
 from aero.model import LOADS
 from interface import Variable
 from interface.mirror import mirror_permutation, symmetrised

@@ -104,13 +104,16 @@ class _Run:
         self.refused = 0  # attempts since a step of whole size went through
         self.status, self.message = "finished", ""
         self.step = stop - state.t
-        self.balance = replace(energy) if isinstance(energy, Balance) else None
-        if energy is True:
-            self.balance = Balance(motion.kinetic_energy(state), motion.elastic_energy(state))
-        self._powers = self._forces(state) if self.balance is not None else None
+        self._ledger: _Ledger | None = None
+        if isinstance(energy, Balance):
+            self._ledger = _Ledger(motion, state, replace(energy))
+        elif energy:
+            begin = Balance(motion.kinetic_energy(state), motion.elastic_energy(state))
+            self._ledger = _Ledger(motion, state, begin)
 
     def result(self):
-        parts = self.steps, self.rejected, self.iterations, self.balance, self.step
+        balance = None if self._ledger is None else self._ledger.balance
+        parts = self.steps, self.rejected, self.iterations, balance, self.step
         return Integration(self.state, self.status, self.message, *parts)
 
     def _end(self, status, why):
@@ -173,25 +176,34 @@ class _Run:
                 return
 
     def _accept(self, new):
-        if self.balance is not None:
-            self._book(new)
+        if self._ledger is not None:
+            self._ledger.book(self.state, new)
         self.state = new
         self.steps += 1
         if self.callback is not None:
             self.callback(new)
 
-    def _forces(self, state):
-        _, damping, external = self.motion.forces(state.q, state.v, state.t)
-        return external, damping, self.motion.reeling_power(state)
 
-    def _book(self, new):
-        b, before = self.balance, self._powers
+class _Ledger:
+    """The energy `balance` of a run, kept from step to step with the forces at the end of the last one."""
+
+    def __init__(self, motion, state, balance: Balance):
+        self._motion, self.balance = motion, balance
+        self._powers = self._forces(state)
+
+    def _forces(self, state):
+        _, damping, external = self._motion.forces(state.q, state.v, state.t)
+        return external, damping, self._motion.reeling_power(state)
+
+    def book(self, old, new):
+        """Add the energies of the step between two states."""
+        b, before, motion = self.balance, self._powers, self._motion
         external, damping, heat = self._powers = self._forces(new)
-        moved = new.q - self.state.q
+        moved = new.q - old.q
         work, lost = (0.5 * float((f + g) @ moved) for f, g in ((before[0], external), (before[1], damping)))
-        heated = 0.5 * (before[2] + heat) * (new.t - self.state.t)
-        reeled, lost = self.motion.reeling_work(self.state, new) + heated, lost + heated
+        heated = 0.5 * (before[2] + heat) * (new.t - old.t)
+        reeled, lost = motion.reeling_work(old, new) + heated, lost + heated
         held = b.kinetic + b.elastic + b.numerical_loss
-        b.kinetic, b.elastic = self.motion.kinetic_energy(new), self.motion.elastic_energy(new)
+        b.kinetic, b.elastic = motion.kinetic_energy(new), motion.elastic_energy(new)
         b.work, b.dissipated, b.reeled = b.work + work, b.dissipated + lost, b.reeled + reeled
         b.numerical_loss = held + work + reeled - lost - b.kinetic - b.elastic

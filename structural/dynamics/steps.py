@@ -4,10 +4,8 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from structural.elements import Configuration
-from structural.solve.linear import factorised
-from structural.solve.newton import Newton
-from structural.solve.rounding import rounding_of_positions, stiffest
-from structural.solve.singular import Singular
+from structural.solve.linear import Singular, factorised
+from structural.solve.newton import Newton, rounding_of_positions, stiffest
 
 from .motion import Mass, Motion, State
 from .schemes import ImplicitEuler, StepSystem

@@ -78,7 +78,7 @@ def quad_rows(quads):
             pair = ((b, before), (c, after))
             edge = (min(b, c), max(b, c))
             sides.setdefault(edge, []).extend(pair)
-    found = {}
+    found: dict[tuple[int, int, int], None] = {}
     for ends in sides.values():
         for n in range(0, len(ends), 2):
             for m in range(n + 2, len(ends), 2):

@@ -1,6 +1,7 @@
 """What the assembly asks of a family of elements. A new family is one file with one subclass of `ElementGroup`."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import Field, dataclass, fields, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,6 +31,8 @@ class ElementGroup:
     suits most. Whatever changes between solves (rest lengths, pressures) is an attribute like any other: the assembly
     knows connectivity only, and takes a group of new values for every solve.
     """
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # a subclass is a dataclass
 
     nodes: np.ndarray
     names: tuple[str, ...] = ()

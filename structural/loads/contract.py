@@ -1,6 +1,6 @@
 """What the assembly asks of the places where loads act. A new kind is one file with one subclass of `LoadGroup`."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -14,24 +14,26 @@ class Load:
     and numbers for all elements.
     """
 
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # a subclass is a dataclass
+
     uniform: ClassVar[tuple[str, ...]] = ()
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
         """Name -> array with a row an element."""
-        parts = {f.name: getattr(self, f.name) for f in fields(self)}  # type: ignore[arg-type]
+        parts = {f.name: getattr(self, f.name) for f in fields(self)}
         return {k: v for k, v in parts.items() if isinstance(v, np.ndarray) and k not in self.uniform}
 
     def select(self, rows) -> Self:
         """The values on the chosen elements."""
-        return replace(self, **{k: a[rows] for k, a in self.arrays.items()})  # type: ignore[type-var]
+        return replace(self, **{k: a[rows] for k, a in self.arrays.items()})
 
     def between(self, other: "Load", share: float) -> "Load":
         """Linearly between these values (share 0) and those of another load of the same kind (1); None counts as zero,
         and what is no number is that of the other.
         """
-        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}  # type: ignore[arg-type]
-        return replace(other, **{k: _between(*pair, share) for k, pair in pairs.items()})  # type: ignore[type-var]
+        pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
+        return replace(other, **{k: _between(*pair, share) for k, pair in pairs.items()})
 
 
 def _between(a, b, share):

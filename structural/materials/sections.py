@@ -7,7 +7,8 @@ mu = 1 / (1 + 12 EI / (kGA l0^2))^2; and the twist of its axis adds to that of i
 psi = phi - (theta_n1 theta_b2 - theta_b1 theta_n2), because the tangent wanders off the shortest way between them.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -62,11 +63,15 @@ def linear_shear(theta, ei, l0, shear):
 
 
 class Section:
-    """What all sections share: arrays (e,) of their elements, selected together."""
+    """What all sections share: arrays (e,) of their elements, or laws made of such, selected together."""
 
-    def select(self, rows):
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]  # a subclass is a dataclass
+
+    def select(self, rows) -> Self:
         """The section of the chosen elements."""
-        return type(self)(*(getattr(self, f.name)[rows] for f in fields(self)))
+        parts = {f.name: getattr(self, f.name) for f in fields(self)}
+        chosen = {k: v[rows] if isinstance(v, np.ndarray) else v.select(rows) for k, v in parts.items()}
+        return replace(self, **chosen)
 
 
 @dataclass(frozen=True, eq=False)

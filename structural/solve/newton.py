@@ -1,13 +1,12 @@
 """Newton's method on any problem with a residual and a tangent, globalised so that slack members and mechanisms do no
-harm.
+harm; and the scales of elements that it needs: their stiffness, and the force that rounding leaves out of balance.
 """
 
 from typing import Any, Protocol
 
 import numpy as np
 
-from .linear import PIVOT, factorised, shifted
-from .singular import Singular
+from .linear import PIVOT, Singular, factorised, shifted
 
 # The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
 # nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
@@ -20,6 +19,8 @@ MOST_REJECTIONS, MOST_CUTS = 30, 12
 TURN_LIMIT = 0.5
 # After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
 SHORT_STEPS, BURST = 3, 10
+
+EPS = float(np.finfo(float).eps)
 
 
 class Problem(Protocol):
@@ -205,3 +206,21 @@ class Newton:
             else:
                 s *= 0.1
         return s, None
+
+
+def rounding_force(groups, at, reach=0.0):
+    """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0|| for
+    springs; `at` is a configuration, `reach` m how large coordinates are. In motion see `rounding_of_positions`.
+    """
+    squares = sum(np.sum(group.rounding(at, reach) ** 2) for group in groups)
+    return 4.0 * EPS * float(np.sqrt(squares))
+
+
+def rounding_of_positions(groups, at, reach):
+    """Force N that rounding of coordinates of `reach` m makes: eps ||k reach||, the errors of elements being random."""
+    return EPS * reach * float(np.sqrt(sum(np.sum(group.stiffness(at) ** 2) for group in groups)))
+
+
+def stiffest(groups, at):
+    """Stiffness N/m of the stiffest element in a configuration, 0 without any (see `ElementGroup.stiffness`)."""
+    return max((float(group.stiffness(at).max(initial=0.0)) for group in groups), default=0.0)

@@ -1,7 +1,9 @@
-"""Static equilibrium: Newton on the true residual; where that takes long, by way of softened lines."""
+"""Static equilibrium: Newton on the true residual; where that takes long, by way of softened lines. And how it moves
+when its loads change a little.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,13 +11,17 @@ from structural.assembly import Assembly, Prepared
 from structural.elements import ElementGroup
 from structural.model import Loads
 
-from .continuation import softened_stages
-from .newton import Newton
-from .rounding import rounding_force, stiffest
+from .linear import ACCURATE_PIVOT, Singular, factorised, shifted
+from .newton import Newton, rounding_force, stiffest
 
-# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `continuation`); each
-# stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
+# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `softened_stages`);
+# each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
 STRAIGHT, SOFT_ITERATIONS, SOFT_RTOL = 200, 200, 1e-2
+# A soft line is stretched to twice its length by SOFT times the load at first, then by STIFFENING times more each time;
+# no load counts as less than SMALLEST_LOAD of the largest k l0. Chosen on random networks of ropes.
+SOFT, STIFFENING, SMALLEST_LOAD = 3.0, 30.0, 1e-9
+# Shift relative to each unknown's own stiffness where the tangent of a `LoadSensitivity` is exactly singular.
+SHIFT = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +65,8 @@ class StaticProblem:
 
     def moved(self, at, step):
         """See Problem."""
-        return self._assembly.moved(*at, step)
+        q, rotations = at
+        return self._assembly.moved(q, rotations, step)
 
 
 def equilibrium(
@@ -117,3 +124,54 @@ def equilibrium(
     unstable = solve.negative_pivots() if solve.status == "converged" else 0
     x = assembly.positions(*solve.at)
     return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, solve.at[1])
+
+
+def softened_stages(groups, load):
+    """The groups with lines and ropes that are softer than they are by degrees, the softest first; none without load.
+
+    A soft line has a spring in series, k' = k P / (P + k l0), P the load N that stretches that spring by l0.
+    """
+    largest = max((group.softenable() for group in groups), default=0.0)
+    stages = []
+    spring = SOFT * max(load, SMALLEST_LOAD * largest)
+    while 0.0 < load < float("inf") and spring < largest:
+        stages.append(tuple(group.softened(spring) for group in groups))
+        spring *= STIFFENING
+    return stages
+
+
+class LoadSensitivity:
+    """Derivative of the positions of an equilibrium with respect to its loads.
+
+    r(q, f) = f_int(q) - f_ext(q, f) = 0 at every load, so that K dq = (df_ext/df) df with the consistent tangent K of
+    elements, links and follower loads. `x` (n,3) m and `rotations` (r,3,3) are the equilibrium, found by
+    `equilibrium`; `reaction` (r,3) N m are the moments that hold clamped frames, which stiffen their other axes.
+    No shift, softening or damping is in it, but where K is exactly singular: directions without any stiffness then
+    get (nearly) no displacement, as in the steps of the solver.
+    """
+
+    def __init__(self, assembly, loads, x, groups=None, rotations=None, reaction=None):
+        self._assembly, self._x, self._rotations = assembly, x, rotations
+        if reaction is not None:
+            loads = replace(loads, moment=reaction if loads.moment is None else loads.moment + reaction)
+        prepared = assembly.prepare(loads, groups)
+        _, k, _ = assembly.residual_and_tangent(assembly.unknowns.restrict(x), prepared, rotations)
+        self._factors = None
+        if not k.shape[0]:
+            return
+        try:
+            self._factors = factorised(k, ACCURATE_PIVOT)
+        except Singular:
+            diagonal = np.abs(k.data[assembly.diagonal])
+            shift = SHIFT * np.maximum(diagonal, diagonal.mean() or 1.0)
+            self._factors = factorised(shifted(k, assembly.diagonal, shift), ACCURATE_PIVOT)
+
+    def __call__(self, change):
+        """Displacements (n,3) m of the nodes for a small change of the loads, a `Loads` of these changes.
+
+        Where the assembly solves one half, the change has to be mirror-symmetric.
+        """
+        if self._factors is None:
+            return np.zeros_like(self._x)
+        force = self._assembly.load_forces(self._x, change, self._rotations)
+        return self._assembly.moves(self._factors.solve(force), self._rotations)

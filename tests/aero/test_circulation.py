@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from aero.vortex_step.circulation import ACCEPTED, SectionFlow, attached_start, solve
-from aero.vortex_step.influence import control_influence
 from aero.vortex_step.strips import strips_between
+from aero.vortex_step.vortices import control_influence
 from tests.aero.wings import arched_nodes, linear_wing, stalling_wing, wind
 
 

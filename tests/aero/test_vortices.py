@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from aero.vortex_step.influence import control_influence, folded, trailing_influence
 from aero.vortex_step.strips import strips_between
-from aero.vortex_step.vortices import infinite_velocity, segment_velocity, semi_infinite_velocity
+from aero.vortex_step.vortices import (
+    control_influence,
+    folded,
+    infinite_velocity,
+    segment_velocity,
+    semi_infinite_velocity,
+    trailing_influence,
+)
 from tests.aero.wings import arched_nodes, wind
 
 POINTS = np.random.default_rng(0).uniform(-2.0, 2.0, (6, 3))

@@ -7,7 +7,6 @@ import scipy.sparse as sp
 from benchmarks.nets import saddle
 from structural import Assembly, Loads, equilibrium
 from structural.solve import linear
-from structural.solve.singular import Singular
 
 needs_pardiso = pytest.mark.skipif(not linear.has_pardiso(), reason="the extra pardiso is not installed")
 SOLVERS = [pytest.param(np.inf, id="SuperLU"), pytest.param(0, id="PARDISO", marks=needs_pardiso)]
@@ -46,7 +45,7 @@ def test_factors_stay_those_of_their_matrix_when_others_are_made(factorised):
 def test_singular_matrix_is_said_to_be(factorised):
     a = laplacian(5)
     a.data[a.indptr[7] : a.indptr[8]] = 0.0
-    with pytest.raises(Singular):
+    with pytest.raises(linear.Singular):
         factorised(a).solve(np.ones(25))
 
 
