@@ -7,10 +7,10 @@ import warnings
 
 import numpy as np
 
-from master.acceleration import IQNILS, IQNIMVJ, Aitken
-from master.exchange import Exchange
-from master.fixed_point import fixed_point
-from master.march import march
+from master.coupling import Exchange
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken
+from master.coupling.fixed_point import fixed_point
+from master.coupling.march import march
 
 from .problems import BACKENDS
 from .random_problems import RandomProblem

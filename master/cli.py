@@ -1,4 +1,4 @@
-"""Command line: `kitecosim`; what its commands do is in commands.py, comparison and foreign."""
+"""Command line: `kitecosim`; what its commands do is in commands.py, transient.py, studies and fmu_coupling."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -76,7 +76,7 @@ def run(
     interrupted (earlier results in the folder are gone then).
     """
     from master.commands import run_scene
-    from master.restart import Files
+    from master.coupling.checkpoint import Files
 
     choices = {
         "scheme": scheme,
@@ -120,7 +120,7 @@ def build(
     ] = 2,
 ) -> None:
     """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
-    from master.building import build_scene
+    from master.commands import build_scene
 
     _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi))
 
@@ -188,7 +188,7 @@ def compare(
 
     Exit code: 0 all cells ran, whatever came out; 1 a cell crashed; 2 bad input; 130 interrupted.
     """
-    from master.comparison.command import compare_scenes
+    from master.studies.command import compare_scenes
 
     options = {
         "orders": [part.strip() for part in order.split(",") if part.strip()],
@@ -238,8 +238,8 @@ def couple(
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
     (results up to there are still written), 2 bad input, 130 interrupted.
     """
-    from master.foreign.command import couple_file
-    from master.restart import Files
+    from master.coupling.checkpoint import Files
+    from master.fmu_coupling.command import couple_file
 
     _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart)))
 
@@ -260,7 +260,7 @@ def host_env(
     In a shell: eval "$(kitecosim host-env)". Hosts that are Python programs need nothing but numpy and scipy; a host
     that finds such a Python as python3 in its PATH needs nothing either.
     """
-    from master.building import print_host_environment
+    from master.commands import print_host_environment
 
     _finish(lambda: print_host_environment(preload))
 

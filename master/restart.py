@@ -1,44 +1,62 @@
-"""Runs of scenes that are kept and gone on with: what is written when, and what a restart may change."""
+"""Runs of scenes that are asked for, kept and gone on with: what is written when, what a restart may change."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from master import checkpoint
-from master.acceleration import Scheme
-from master.acceleration.scheme import adopt
-from master.blocks import assignment_text
-from master.coupling import CoupledResult, Coupling
-from master.exchange import Exchange
-from master.march import March
-from master.recovery import Warmth
-from master.steady import Search
+import numpy as np
+
+from master.coupling import checkpoint
+from master.coupling.acceleration import Scheme
+from master.coupling.acceleration.scheme import adopt
+from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.equilibrium import CoupledResult, Coupling
+from master.coupling.exchange import Exchange, Warmth
+from master.coupling.march import March
+from master.coupling.participants.blocks import assignment_text
+from master.coupling.steady import Search
 
 
-@dataclass(frozen=True)
-class Files:
-    """Where a run keeps a checkpoint, after how many coupling iterations (through time: steps) each, and which one it
-    goes on from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, the
+    checkpoints, the texts `assigned` on the command line, and what a restart has `kept` besides.
     """
 
-    checkpoint: Path | None = None
-    every: int = 1
-    restart: Path | None = None
+    scene: Any
+    given: dict[str, Any]
+    choices: dict[str, Any]
+    out: Path
+    files: Files = NO_FILES
+    assigned: dict[str, str] = field(default_factory=dict)
+    kept: list[str] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        if self.every < 1:
-            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
-        if self.checkpoint is not None and self.checkpoint.is_dir():
-            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
-        if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
-            raise ValueError(
-                f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
-            )
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a checkpoint says of the run."""
+        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
+        return {**scene, "parameters": _plain(self.given), **self.choices}
+
+    def clear(self, names: Iterable[str]) -> None:
+        """Remove files of these names, and FMUs that this run has not built: what stands in the folder is never of an
+        earlier run. Called when all input is known to be good.
+        """
+        for name in names:
+            (self.out / name).unlink(missing_ok=True)
+        for side in ("structural", "aero") if self.choices["backend"] == "in-process" else ():
+            (self.out / "fmus" / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
+
+    @property
+    def remembered(self) -> list[str]:
+        """A remark on what a restart has from its checkpoint."""
+        return [f"as in the checkpoint: {', '.join(self.kept)}"] if self.kept else []
 
 
-NO_FILES = Files()
+def _plain(given: dict[str, Any]) -> dict[str, Any]:
+    """Parameters as numbers and lists, to be compared and written."""
+    return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
 def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]) -> dict[str, str]:

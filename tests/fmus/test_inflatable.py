@@ -4,10 +4,8 @@ import numpy as np
 
 import scenes
 from fmus.builder import build
-from master.coupling import Coupling, solve
-from master.participants import FmuParticipant
-from master.schemes import SCHEMES
-from master.still_air import StillAir
+from master.coupling import SCHEMES, Coupling, FmuParticipant, solve
+from master.coupling.participants.still_air import StillAir
 
 
 def test_the_hanging_kite_runs_alone_and_as_in_process(tmp_path):

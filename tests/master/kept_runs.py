@@ -2,8 +2,7 @@
 
 from benchmarks.problems import in_process
 from master import restart
-from master.coupling import solve
-from master.schemes import scheme
+from master.coupling import scheme, solve
 
 CASES = {
     "section": ("typical_section", {"wind_speed": 15.0}),

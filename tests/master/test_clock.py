@@ -5,12 +5,11 @@ import pickle
 import numpy as np
 import pytest
 
-from master import IQNILS, checkpoint
-from master.coupling import Coupling
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.recovery import Warmth
-from master.steady import Search
+from master import IQNILS
+from master.coupling import Coupling, checkpoint
+from master.coupling.exchange import Connection, Exchange, Warmth
+from master.coupling.march import march
+from master.coupling.steady import Search
 from tests.master.toys import Mass, Spring
 
 

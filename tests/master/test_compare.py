@@ -11,10 +11,10 @@ import pytest
 
 import scenes
 from master import compare
-from master.comparison.flat import flat_rows
-from master.comparison.grid import grid
 from master.coupling import Coupling, solve
-from master.schemes import SCHEMES, Kind
+from master.coupling.schemes import SCHEMES, Kind
+from master.studies.flat import flat_rows
+from master.studies.grid import grid
 from tests.master.test_report import Page
 from tests.scenes.broken import copy_of
 
@@ -248,8 +248,8 @@ def test_defect_of_a_scheme_is_the_end_of_its_cell_only(tmp_path, monkeypatch):
 SCRIPT = """
 import os
 from master import compare
-from master.acceleration import ConstantRelaxation
-from master.schemes import SCHEMES, Kind
+from master.coupling.acceleration import ConstantRelaxation
+from master.coupling.schemes import SCHEMES, Kind
 
 class Deadly(ConstantRelaxation):
     def step(self, x, r):

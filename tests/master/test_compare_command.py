@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import master.comparison.files
+import master.studies.files
 from master.cli import app
-from master.schemes import SCHEMES, Kind
+from master.coupling.schemes import SCHEMES, Kind
 
 ROOT = Path(__file__).parents[2]
 
@@ -118,7 +118,7 @@ def test_fmus_give_the_counts_of_the_solvers_in_this_process(tmp_path):
 
 def test_without_the_libraries_there_are_tables_and_a_remark(tmp_path, monkeypatch):
     run(tmp_path, "typical_section", "--schemes", "aitken")
-    monkeypatch.setattr(master.comparison.files, "find_spec", lambda name: None)
+    monkeypatch.setattr(master.studies.files, "find_spec", lambda name: None)
     done = run(tmp_path, "typical_section", "--schemes", "aitken")
     assert "pip install 'kitecosim[report]'" in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cells", "compare.csv", "compare.json", "compare.md"]

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from master.acceleration import IQNILS
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.recovery import Warmth
+from master.coupling.acceleration import IQNILS
+from master.coupling.exchange import Connection, Exchange, Warmth
+from master.coupling.march import march
 from tests.master.toys import Mass, Spring
 
 

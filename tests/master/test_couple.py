@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from master import couple
 from master.cli import app
-from master.foreign.document import Document
-from master.march import march
+from master.coupling.march import march
+from master.fmu_coupling.document import Document
 
 START = np.array([1.0, 0.5])  # m
 WALL = {
@@ -301,7 +301,7 @@ def test_an_fmu_that_does_not_load_leaves_no_results(foreign, tmp_path):
 
 
 def test_curves_for_the_plot_stay_few_however_long_a_run_is():
-    from master.foreign.results import POINTS, Curve
+    from master.fmu_coupling.results import POINTS, Curve
 
     curve = Curve()
     for k in range(20 * POINTS):
@@ -312,8 +312,8 @@ def test_curves_for_the_plot_stay_few_however_long_a_run_is():
 
 
 def test_a_document_serves_a_script_that_marches_itself(foreign):
-    from master.acceleration import IQNILS
-    from master.foreign.run import opened
+    from master.coupling.acceleration import IQNILS
+    from master.fmu_coupling.run import opened
 
     with opened(Document.of(oscillator(), foreign)) as exchange:
         result = march(exchange, IQNILS(), 0.5, rtol=1e-11)

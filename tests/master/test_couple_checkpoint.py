@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from master import couple
-from master.checkpoint import read
-from master.foreign.document import Document
-from master.restart import Files
+from master.coupling.checkpoint import Files, read
+from master.fmu_coupling.document import Document
 from tests.master.test_couple import braked, oscillator
 
 

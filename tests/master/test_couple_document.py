@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from fmpy import platform
 
-from master.foreign.document import Document
-from master.foreign.mapping import Described, MappedParticipant, Naming
+from master.fmu_coupling.document import Document
+from master.fmu_coupling.mapping import Described, MappedParticipant, Naming
 from tests.master.foreign import DESCRIPTION
 from tests.master.test_couple import oscillator
 

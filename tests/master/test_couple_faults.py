@@ -5,9 +5,9 @@ from typer.testing import CliRunner
 
 from master import couple
 from master.cli import app
-from master.foreign.document import Document
-from master.participants import FmuParticipant
-from master.restart import Files
+from master.coupling import FmuParticipant
+from master.coupling.checkpoint import Files
+from master.fmu_coupling.document import Document
 from tests.master.test_couple import FLUID, WALL, oscillator
 
 

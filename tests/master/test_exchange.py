@@ -5,11 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from master.acceleration import IQNILS, ConstantRelaxation
-from master.exchange import Connection, CoupledStepFailed, Exchange
-from master.fixed_point import fixed_point
-from master.march import march
-from master.recovery import Warmth
+from master.coupling.acceleration import IQNILS, ConstantRelaxation
+from master.coupling.exchange import Connection, CoupledStepFailed, Exchange, Warmth
+from master.coupling.fixed_point import fixed_point
+from master.coupling.march import march
 from tests.master.toys import Faulty, Mass, Spring, Toy
 
 K, M = 4.0, 1.0

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.schemes import scheme
+from master.coupling import Connection, Exchange, scheme
+from master.coupling.march import march
 from tests.master.toys import Mass, Spring
 
 DT = 0.1

@@ -8,11 +8,9 @@ import pytest
 
 from benchmarks.problems import in_process
 from fmus.builder import archive
-from master import checkpoint
-from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.participants import FmuParticipant
+from master.coupling import Connection, Exchange, FmuParticipant, checkpoint
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
+from master.coupling.march import march
 from tests.fmus.toy_fmu import Toy as Core
 from tests.fmus.toy_fmu import ToyFmu
 from tests.master.toys import Mass, Spring

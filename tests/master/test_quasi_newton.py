@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.reference_problems import AddedMass, BadlyScaledFields, Linear
-from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation, NewtonKrylov
-from master.fixed_point import fixed_point
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation, NewtonKrylov
+from master.coupling.fixed_point import fixed_point
 
 EVERY = {"explicit": ConstantRelaxation, "aitken": Aitken, "iqn-ils": IQNILS, "iqn-imvj": IQNIMVJ}
 LEARNING = {"iqn-ils": IQNILS, "iqn-imvj": IQNIMVJ}

@@ -12,9 +12,8 @@ import pytest
 
 import master
 from benchmarks.problems import in_process
-from master import checkpoint, commands, restart
-from master.coupling import solve
-from master.schemes import scheme
+from master import commands, restart
+from master.coupling import checkpoint, scheme, solve
 from tests.master.kept_runs import CASES, Interrupted, about, begun
 
 ROOT = Path(master.__file__).parents[1]
@@ -132,9 +131,9 @@ import sys
 from pathlib import Path
 from benchmarks.problems import as_fmus
 from fmus.builder import archive
-from master import checkpoint, commands, restart
-from master.coupling import solve
-from master.schemes import scheme
+from master import commands, restart
+from master.coupling import checkpoint
+from master.coupling import scheme, solve
 
 path, at = Path(sys.argv[1]), int(sys.argv[2])
 about = {"scene": "typical_section", "scene_settings": {}, "parameters": {}, "order": "serial"}
@@ -194,13 +193,13 @@ CHOICES = {
 
 def test_the_command_goes_on_from_the_end_of_another_run_with_another_wind(tmp_path):
     path = tmp_path / "kept.checkpoint"
-    keep = restart.Files(checkpoint=path)
+    keep = checkpoint.Files(checkpoint=path)
     assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
     about_, _ = checkpoint.read(path)
     assert about_["status"] == "converged"
-    onward = restart.Files(restart=path)
+    onward = checkpoint.Files(restart=path)
     counts = {}
-    for name, files in (("warm", onward), ("cold", restart.Files())):
+    for name, files in (("warm", onward), ("cold", checkpoint.Files())):
         assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12.5"}, tmp_path / name, files) == 0
         content = json.loads((tmp_path / name / "summary.json").read_text())
         counts[name] = content["coupling_iterations"]
@@ -210,9 +209,9 @@ def test_the_command_goes_on_from_the_end_of_another_run_with_another_wind(tmp_p
 
 def test_the_command_refuses_other_settings_of_a_scene(tmp_path):
     path = tmp_path / "kept.checkpoint"
-    keep, onward = restart.Files(checkpoint=path), restart.Files(restart=path)
+    keep, onward = checkpoint.Files(checkpoint=path), checkpoint.Files(restart=path)
     assert commands.run_scene("typical_section", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
     with pytest.raises(ValueError, match=r"has variant = divergent, this run restoring.*\.$"):
         commands.run_scene("typical_section", CHOICES, {"variant": "restoring"}, tmp_path / "b", onward)
     with pytest.raises(ValueError, match=r"--checkpoint-every must be at least 1.*\.$"):
-        commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", restart.Files(path, 0))
+        commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", checkpoint.Files(path, 0))

@@ -8,9 +8,8 @@ import pytest
 
 from benchmarks.problems import BACKENDS, in_process
 from master import commands, restart
-from master.coupling import Coupling, solve
-from master.run import coupled_run, summary
-from master.schemes import scheme
+from master.coupling import Coupling, coupled_run, scheme, solve
+from master.report import summary
 from tests.master.toys import Faulty
 
 SETTINGS = {"scene": "x", "scheme": "iqn-ils", "backend": "in-process"}

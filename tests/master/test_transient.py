@@ -12,9 +12,8 @@ from benchmarks.particle_kite import flown as kite_flown
 from master import compare
 from master.cli import app
 from master.commands import opened
-from master.participants import InProcessParticipant
-from master.transient import simulate
-from master.transient.inputs import Inputs
+from master.coupling import InProcessParticipant, simulate
+from master.coupling.simulation import Inputs
 from scenes import load
 
 
