@@ -15,7 +15,7 @@ from master.coupling.checkpoint import NO_FILES, Files
 from master.coupling.equilibrium import Coupling
 from master.coupling.exchange import ORDERS
 from master.coupling.participants import FmuParticipant, InProcessParticipant, Participant
-from master.coupling.participants.still_air import StillAir
+from master.coupling.participants.zero_loads import ZeroLoads
 from master.coupling.run import Run, coupled_run
 from master.coupling.schemes import SCHEMES, scheme
 from master.report import (
@@ -53,7 +53,7 @@ def run_scene(
 ) -> int:
     """Run a scene, print its table, write its files; the exit code.
 
-    `motion` are stop_time s, step s and the path inputs for a scene in motion, None what it says itself.
+    `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself.
     """
     import scenes
 
@@ -67,19 +67,19 @@ def run_scene(
     scene, given = prepared(name, built)
     if motion and not scene.moves:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
-        raise ValueError(f"{option} is for scenes in motion; scene '{name}' is one of equilibria.")
+        raise ValueError(f"{option} is for transient scenes; scene '{name}' is quasi-static.")
     out = out or Path("results") / scene.name
     results_folder(out)
     job = Job(scene, given, choices, out, files, assigned, kept)
     if scene.moves:
-        from master.transient import run_moving
+        from master.transient import run_transient
 
-        return run_moving(job, opened(scene, choices["backend"], given, out), live, **motion)
-    return _run_equilibrium(job, live, begin)
+        return run_transient(job, opened(scene, choices["backend"], given, out), live, **motion)
+    return _run_quasi_static(job, live, begin)
 
 
-def _run_equilibrium(job: Job, live: bool, begin: float) -> int:
-    """Run a scene of equilibria; the exit code."""
+def _run_quasi_static(job: Job, live: bool, begin: float) -> int:
+    """Run a quasi-static scene; the exit code."""
     scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
@@ -91,10 +91,10 @@ def _run_equilibrium(job: Job, live: bool, begin: float) -> int:
             options["search"], remarks = restart.resumed(files.restart, coupling, used, job.about, job.assigned)
             remarks += job.remembered
         job.clear(RESULTS)
-        keeper = restart.Keeper(files.checkpoint, files.every, coupling, used, job.about)
-        run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=keeper, **options)
+        writer = restart.CheckpointWriter(files.checkpoint, files.every, coupling, used, job.about)
+        run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=writer, **options)
         if run.status in ("converged", "statically_unstable"):
-            keeper.end(run.result)
+            writer.end(run.result)
     run.remarks.extend(remarks + _hints(scene, given, run))
     _write(job, run, ready - begin)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
@@ -171,7 +171,7 @@ def list_scenes(name: str | None = None) -> int:
         print(f"  interface: {len(scene.interface.nodes)} nodes, {len(scene.interface.panels)} panels")
         if scene.moves:
             stop = scene.content["dynamics"]["stop_time"]
-            print(f"  in motion: to {stop:g} s in communication steps of {scene.communication_step:g} s")
+            print(f"  transient: to {stop:g} s in communication steps of {scene.communication_step:g} s")
         for key, option in scene.content["settings"].items():
             choices = f" ({' | '.join(map(str, option['options']))})" if "options" in option else ""
             print(f"  setting   {key} = {option['default']}{choices}  {option.get('description', '')}")
@@ -307,9 +307,9 @@ def opened(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> I
 
 @contextlib.contextmanager
 def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
-    """The two participants of a scene of equilibria, coupled; they are closed at the end."""
+    """The two participants of a quasi-static scene, coupled; they are closed at the end."""
     if backend != "fmu":
         yield Coupling.in_process(scene, parameters)
         return
     with opened(scene, backend, parameters, out) as sides:
-        yield Coupling(sides["structural"], sides.get("aero") or StillAir.beside(sides["structural"]))
+        yield Coupling(sides["structural"], sides.get("aero") or ZeroLoads.beside(sides["structural"]))

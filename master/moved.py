@@ -21,6 +21,7 @@ MOVED: dict[str, str | dict[str, str]] = {
     "spectrum": "master.coupling.spectrum",
     "stability": "master.coupling.stability",
     "steady": "master.coupling.steady",
+    "still_air": "master.coupling.participants.zero_loads",
 }
 
 

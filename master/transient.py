@@ -1,4 +1,4 @@
-"""`kitecosim run` of a scene in motion: through time, into a folder of results."""
+"""`kitecosim run` of a transient scene: in time, into a folder of results."""
 
 import contextlib
 import sys
@@ -20,12 +20,12 @@ from master.coupling.simulation import PARAMETERS, Inputs, Simulation, simulate
 from master.report import missing_libraries, print_written, versions, write_json, write_state
 from master.report.console import print_rows
 from master.report.transient import NO_PLOTS, RESULTS, Recorder, result_rows, summary, write_plots
-from master.restart import Job, StepKeeper, resumed_march
+from master.restart import Job, StepCheckpointWriter, resumed_march
 
 EXIT_FINISHED, EXIT_NOT_FINISHED = 0, 1
 
 
-def run_moving(
+def run_transient(
     job: Job,
     participants: contextlib.AbstractContextManager[dict[str, Participant]],
     live: bool = False,
@@ -33,7 +33,7 @@ def run_moving(
     step: float | None = None,
     inputs: Path | None = None,
 ) -> int:
-    """Run a scene in motion, print its table, write its files; the exit code.
+    """Run a transient scene, print its table, write its files; the exit code.
 
     `participants` gives {"aero": ..., "structural": ...}, the flow only where there is one. ValueError in one sentence
     for bad input, before anything is written.
@@ -41,7 +41,7 @@ def run_moving(
     scene, choices, out = job.scene, job.choices, job.out
     _require(choices, live)
     begun = 0.0 if job.files.restart is None else float(checkpoint.head(job.files.restart).get("time", 0.0))
-    stop, dt = motion_times(scene, stop_time, step, begun)
+    stop, dt = transient_times(scene, stop_time, step, begun)
     table = None if inputs is None else Inputs.read(inputs)
     about = {**job.about, "stop_time": stop, "communication_step": dt}
     remarks = list(job.remembered)
@@ -64,9 +64,10 @@ def run_moving(
                 remarks.insert(0, remark)
                 return march
 
+            writer = StepCheckpointWriter(job.files, stop, about)
             run = simulate(
                 pair, stop, dt, choices["scheme"], choices["order"], choices["tolerance"], choices["max_iterations"],
-                table, follow, StepKeeper(job.files, stop, about), None if job.files.restart is None else resumed,
+                table, follow, writer, None if job.files.restart is None else resumed,
                 **scheme_parameters(choices),
             )  # fmt: skip
             blocks = run.blocks
@@ -81,13 +82,13 @@ def run_moving(
 
 
 def scheme_parameters(choices: dict[str, Any]) -> dict[str, Any]:
-    """The parameters of a scheme in time with the choices of the command line."""
+    """The parameters of a scheme for transient scenes with the choices of the command line."""
     factor = choices["relaxation"]
     given = {} if factor is None else {SCHEMES[choices["scheme"]].relaxation: factor}
     return PARAMETERS.get(choices["scheme"], {}) | given
 
 
-def motion_times(scene: Any, stop_time: float | None, step: float | None, begun: float = 0.0) -> tuple[float, float]:
+def transient_times(scene: Any, stop_time: float | None, step: float | None, begun: float = 0.0) -> tuple[float, float]:
     """Stop time and communication step s, the scene's own where they are None, of a run that begins at `begun` s."""
     dynamics = scene.content["dynamics"]
     stop = float(dynamics["stop_time"] if stop_time is None else stop_time)
@@ -138,9 +139,11 @@ def _write(
 
 def _require(choices: dict[str, Any], live: bool) -> None:
     if live:
-        raise ValueError("--live shows the iterations of one equilibrium; leave it out for a scene in motion.")
+        raise ValueError(
+            "--live shows the coupling iterations of a quasi-static scene; leave it out for a transient one."
+        )
     if SCHEMES[choices["scheme"]].exact:
-        raise ValueError(f"--scheme {choices['scheme']} takes derivatives of equilibria; choose another one.")
+        raise ValueError(f"--scheme {choices['scheme']} takes derivatives of quasi-static solves; choose another one.")
 
 
 @contextlib.contextmanager

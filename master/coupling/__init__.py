@@ -1,4 +1,4 @@
-"""The coupling engine: participants, exchange, acceleration, and the drivers to a steady state and through time.
+"""The coupling engine: participants, exchange, acceleration, and the steady and the transient driver.
 
 The public names load with their modules when they are first used: a fixed point needs nothing of FMUs.
 """

@@ -1,4 +1,4 @@
-"""Checkpoints: where a coupled run stands, in one file, so that it can go on later as if it had never stopped.
+"""Checkpoint and restart: the state of a coupled run in one file, so that it can continue as if it had never stopped.
 
 The file has a line that says what it is, a line of JSON for people, and pickled content, checked by its SHA-256.
 Pickles can run code when they are read: read only files of your own.
@@ -17,7 +17,7 @@ from typing import Any
 from interface import StepFailed
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
-from master.coupling.exchange import Exchange, Warmth
+from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
 from master.coupling.steady import Search
 
@@ -26,8 +26,8 @@ MAGIC = b"kitecosim checkpoint 3\n"
 
 @dataclass(frozen=True)
 class Files:
-    """Where a run keeps a checkpoint, after how many coupling iterations (through time: steps) each, and which one it
-    goes on from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
+    """Where a run keeps a checkpoint, after how many coupling iterations (transient: steps) each, and which one it
+    continues from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
     """
 
     checkpoint: Path | None = None
@@ -109,18 +109,18 @@ def serialised(exchange: Exchange, states: Mapping[str, Any]) -> dict[str, bytes
     return {name: exchange.participants[name].serialised(state) for name, state in states.items()}
 
 
-def participants(exchange: Exchange) -> dict[str, Any]:
+def dump_participants(exchange: Exchange) -> dict[str, Any]:
     """Clock, counters and serialised states of the participants as they are now."""
-    now = exchange.saved()
+    now = exchange.save()
     try:
         kept = serialised(exchange, now)
     finally:
-        exchange.freed(now)
+        exchange.free(now)
     return {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
 
 
-def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
-    """Return participants made alike to what `participants` kept; ValueError in one sentence if they are others."""
+def load_participants(exchange: Exchange, kept: Mapping[str, Any]) -> None:
+    """Restore participants made alike from what `dump_participants` gave; ValueError in one sentence for others."""
     if missing := sorted(kept["states"].keys() ^ exchange.saving()):
         raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
     (begin, count), dt = kept["clock"], kept["dt"]
@@ -130,25 +130,25 @@ def put_back(exchange: Exchange, kept: Mapping[str, Any]) -> None:
     try:
         for name, data in kept["states"].items():
             states[name] = exchange.participants[name].deserialised(data)
-        exchange.put_back(states)
+        exchange.restore(states)
     except StepFailed as error:
         raise ValueError(f"the checkpoint does not fit: {error}.") from error
     finally:
-        exchange.freed(states)
+        exchange.free(states)
 
 
-def of_search(coupling: Exchange, scheme: Scheme, search: Search, warmth: Warmth | None) -> dict[str, Any]:
-    """Content of a checkpoint of a coupled solve; `warmth` None after its end."""
-    best = None if warmth is None else {"states": serialised(coupling, warmth.states), "clock": warmth.clock}
-    return {"search": search, "scheme": scheme, "participants": participants(coupling), "best": best}
+def dump_search(coupling: Exchange, scheme: Scheme, search: Search, snapshot: StateSnapshot | None) -> dict[str, Any]:
+    """Content of a checkpoint of a coupled solve; `snapshot` None after its end."""
+    best = None if snapshot is None else {"states": serialised(coupling, snapshot.states), "clock": snapshot.clock}
+    return {"search": search, "scheme": scheme, "participants": dump_participants(coupling), "best": best}
 
 
-def search_of(coupling: Exchange, content: Mapping[str, Any]) -> Search:
-    """Put the participants back to where a coupled solve stood; what `solve` continues from."""
+def load_search(coupling: Exchange, content: Mapping[str, Any]) -> Search:
+    """Restore the participants of a coupled solve; what `solve` continues from."""
     if "search" not in content:
         raise ValueError("the checkpoint is not of a coupled equilibrium.")
     search: Search = content["search"]
-    put_back(coupling, content["participants"])
+    load_participants(coupling, content["participants"])
     if content["best"] is not None:
         best = content["best"]["states"]
         states = {n: coupling.participants[n].deserialised(data) for n, data in best.items()}
@@ -156,21 +156,25 @@ def search_of(coupling: Exchange, content: Mapping[str, Any]) -> Search:
     return search
 
 
-def of_march(exchange: Exchange, scheme: Scheme | None, begun: March) -> dict[str, Any]:
-    """Content of a checkpoint of a run through time."""
-    return {"march": begun, "scheme": scheme, "participants": participants(exchange)}
+def dump_march(exchange: Exchange, scheme: Scheme | None, begun: March) -> dict[str, Any]:
+    """Content of a checkpoint of a transient run."""
+    return {"march": begun, "scheme": scheme, "participants": dump_participants(exchange)}
 
 
-def march_of(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | None = None) -> March:
-    """Put the participants back to where a run through time stood; what `march` continues from as `begun`.
+def load_march(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | None = None) -> March:
+    """Restore the participants of a transient run; what `march` continues from as `begun`.
 
     A `scheme` of the kind of then takes over its history. ValueError in one sentence for a checkpoint of something
     else or of other participants.
     """
     if "march" not in content:
-        raise ValueError("the checkpoint is not of a run through time.")
-    put_back(exchange, content["participants"])
+        raise ValueError("the checkpoint is not of a transient run.")
+    load_participants(exchange, content["participants"])
     if scheme is not None:
         adopt(scheme, content["scheme"])
     begun: March = content["march"]
     return begun
+
+
+# Their names in releases up to 0.1
+of_search, search_of, of_march, march_of = dump_search, load_search, dump_march, load_march

@@ -1,4 +1,4 @@
-"""When a fixed point counts as found, and whether the search for it still gets on."""
+"""Convergence monitor: when a fixed point counts as found, and whether the iteration still makes progress."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,8 +12,8 @@ Tolerance = float | Mapping[str, float] | Sequence[float]
 ROUNDING = 8.0 * np.finfo(float).eps  # a residual below this fraction of x_tilde is zero in double precision
 
 
-class Test:
-    """Convergence test and progress measure; remembers the first residuals and the best measure."""
+class ConvergenceMonitor:
+    """Convergence criterion and progress measure of a coupling loop, with the first residuals and the best measure."""
 
     def __init__(self, names: list[str], atol: Tolerance, rtol: Tolerance, residual_rtol: Tolerance):
         self.atol, self.rtol = per_field("atol", atol, names), per_field("rtol", rtol, names)
@@ -50,7 +50,7 @@ class Test:
         """Whether the last measure is the smallest so far, by more than 1 %."""
         return self.progressed_at == len(self.history)
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """Do not count earlier evaluations as time without progress."""
         self.progressed_at = len(self.history)
 

@@ -10,10 +10,10 @@ import numpy as np
 from interface import StepFailed
 from master.coupling.acceleration import Scheme
 from master.coupling.convergence import Tolerance
-from master.coupling.exchange import Connection, CoupledStepFailed, Exchange, Order, Warmth
+from master.coupling.exchange import Connection, CoupledStepFailed, Exchange, Order, StateSnapshot
 from master.coupling.fixed_point import FixedPointResult
 from master.coupling.participants import InProcessParticipant, Participant
-from master.coupling.participants.still_air import StillAir
+from master.coupling.participants.zero_loads import ZeroLoads
 from master.coupling.recovery import Recovery
 from master.coupling.steady import Goal, Search, Verdict, steady
 
@@ -83,7 +83,7 @@ class Coupling(Exchange):
             return InProcessParticipant(core, {v.name: given[v.name] for v in core.variables if v.name in given})
 
         structural = participant(cores["structural"])
-        return cls(structural, participant(cores["aero"]) if "aero" in cores else StillAir.beside(structural))
+        return cls(structural, participant(cores["aero"]) if "aero" in cores else ZeroLoads.beside(structural))
 
     def set_tolerance(self, newtons: float) -> None:
         """Give the structure the tolerance that the coupling loop needs now, where it has one."""
@@ -93,7 +93,7 @@ class Coupling(Exchange):
     def imbalance(self, x: np.ndarray) -> float:
         """Norm N of f_int(x) - f_aero(x) - f_ext with the flow evaluated at x, the present shape of the structure.
 
-        The structure reports it as the residual before its first Newton iteration; its state is put back afterwards.
+        The structure reports it as the residual before its first Newton iteration; its state is restored afterwards.
         """
         state = self.structural.save()
         try:
@@ -230,7 +230,7 @@ def solve(
     tie_tolerance: bool = True,
     order: Order = "serial",
     search: Search | None = None,
-    hold: Callable[[Search, Warmth], object] | None = None,
+    hold: Callable[[Search, StateSnapshot], object] | None = None,
 ) -> CoupledResult:
     """The coupled equilibrium from the structure's present displacement.
 

@@ -53,7 +53,7 @@ class Exchange:
     `substeps` (participant -> number) divides a communication step; the inputs of substep j of m then go linearly from
     their values at the beginning of the communication step to the new ones, or are the new ones (`interpolation`).
     With `rollback` an evaluation begins at the states saved by `open`, so that a communication step can be repeated;
-    without it time goes on with every evaluation, as in scenes without inertia. `evaluations` counts evaluations,
+    without it time advances with every evaluation, as in quasi-static scenes. `evaluations` counts evaluations,
     `products` directional derivatives of participants, `seconds` what each participant took. `clock` is when steps of
     this size began, s, and how many there were since: times counted so do not drift with the rounding of many sums.
     """
@@ -243,7 +243,7 @@ class Exchange:
         return {name for each in limits for name, one in each.items() if one.variability == "fixed"}
 
     def without_rollback(self) -> list[str]:
-        """The participants with a memory that cannot be put back to repeat a communication step."""
+        """The participants with a memory that cannot restore their state to repeat a communication step."""
         return [
             name
             for name, participant in self.participants.items()
@@ -259,13 +259,13 @@ class Exchange:
                 "if its outputs depend on its present inputs and the time only."
             )
 
-    # States: of the beginning of a communication step (`open`, `rewind`, `accept`), or all (`saved`)
+    # States: of the beginning of a communication step (`open`, `rewind`, `accept`), or all (`save`, `restore`, `free`)
 
     def saving(self) -> set[str]:
         """The participants that can save their state."""
         return {n for n, p in self.participants.items() if getattr(p, "saves_state", True)}
 
-    def saved(self) -> dict[str, Any]:
+    def save(self) -> dict[str, Any]:
         """The states of all participants that can save one."""
         states: dict[str, Any] = {}
         try:
@@ -274,18 +274,18 @@ class Exchange:
                     with self.booked(name, "could not save its state"):
                         states[name] = self.participants[name].save()
         except BaseException:
-            self.freed(states)
+            self.free(states)
             raise
         return states
 
-    def put_back(self, states: Mapping[str, Any]) -> None:
-        """Return the participants to `states`; StepFailed if one cannot."""
+    def restore(self, states: Mapping[str, Any]) -> None:
+        """Restore the `states` of participants; StepFailed if one cannot."""
         for name, state in states.items():
-            with self.booked(name, "could not be put back"):
+            with self.booked(name, "could not restore its state"):
                 self.participants[name].restore(state)
 
-    def freed(self, states: dict[str, Any]) -> None:
-        """Give back what `states` hold; a participant that has ended holds nothing any more."""
+    def free(self, states: dict[str, Any]) -> None:
+        """Free what `states` hold; a participant that has ended holds nothing any more."""
         while states:
             name, state = states.popitem()
             with contextlib.suppress(ValueError, RuntimeError):
@@ -293,47 +293,47 @@ class Exchange:
 
     def open(self, order: Order = "serial") -> None:
         """Begin a communication step: from here evaluations start, and inputs go from what is sent now."""
-        self.freed(self._states)
-        self._states = self.saved() if self.rollback else {}
+        self.free(self._states)
+        self._states = self.save() if self.rollback else {}
         ramps = [n for n, count in self.substeps.items() if count > 1]
         ramped = [c for n in ramps for c in self._inputs[n]]
         self._began = {c: c.applied(self.participants[c.source].get(c.output)).copy() for c in ramped}
 
     def rewind(self) -> None:
         """Return to the beginning of the communication step."""
-        self.put_back(self._states)
+        self.restore(self._states)
 
     def accept(self) -> None:
-        """End a communication step: time goes on, the states of its beginning are freed."""
+        """End a communication step: time advances, the states of its beginning are freed."""
         self.abandon()
         if self.rollback:
             self._tick()
 
     def abandon(self) -> None:
         """Free the states of the beginning of the communication step; the participants stay as they are."""
-        self.freed(self._states)
+        self.free(self._states)
         self._began = {}
 
 
-class Warmth:
+class StateSnapshot:
     """Anchor of a coupling loop (see `fixed_point`): the states of the participants at the best point so far, and their
     clock.
     """
 
     def __init__(self, exchange: Exchange, best: tuple[dict[str, Any], tuple[float, int]] | None = None) -> None:
         self._exchange = exchange
-        self.states, self.clock = (exchange.saved(), exchange.clock) if best is None else best
+        self.states, self.clock = (exchange.save(), exchange.clock) if best is None else best
 
     def mark(self) -> None:
         """See Anchor."""
-        self._exchange.freed(self.states)
-        self.states, self.clock = self._exchange.saved(), self._exchange.clock
+        self._exchange.free(self.states)
+        self.states, self.clock = self._exchange.save(), self._exchange.clock
 
     def restore(self) -> None:
         """See Anchor."""
-        self._exchange.put_back(self.states)
+        self._exchange.restore(self.states)
         self._exchange.clock = self.clock
 
     def close(self) -> None:
         """Free the states."""
-        self._exchange.freed(self.states)
+        self._exchange.free(self.states)

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from master.coupling.acceleration import Field, Scheme
-from master.coupling.convergence import Test, Tolerance, norm, partition
+from master.coupling.convergence import ConvergenceMonitor, Tolerance, norm, partition
 from master.coupling.recovery import Anchor, Loop, Progress, Recovery
 
 Status = Literal["converged", "max_iterations", "diverged", "stalled"]
@@ -74,11 +74,11 @@ def fixed_point(
 
     Before a loop ends as diverged or stalled it tries again, at most `recoveries` times in all and once after a stall.
     An evaluation that failed is repeated half-way to the best point so far (at the first evaluation: where it was).
-    After two failures in a row, growth or a stall the scheme begins anew, more carefully, from the best point; schemes
-    that know no more careful way (constant relaxation) end at once after growth or a stall. `anchor` puts solvers with
-    a memory back where they were at that point. `hold(progress)` is called before every evaluation with what the loop
-    needs to go on from there; given back as `progress`, with the scheme as it was then, the loop continues bitwise as
-    it would have.
+    After two failures in a row, growth or a stall the scheme restarts, more carefully, from the best point; schemes
+    that know no more careful way (constant relaxation) end at once after growth or a stall. `anchor` restores the
+    states that solvers with a memory had at that point. `hold(progress)` is called before every evaluation with what
+    the loop needs to continue from there; given back as `progress`, with the scheme as it was then, the loop continues
+    bitwise as it would have.
     """
     _require(max_iterations, growth_limit, stall_window, recoveries)
     x0 = np.array(x0, dtype=float)
@@ -88,7 +88,7 @@ def fixed_point(
     shape = x0.shape
     p = progress
     if p is None:
-        p = Progress(x0.ravel(), Test(names, atol, rtol, residual_rtol))
+        p = Progress(x0.ravel(), ConvergenceMonitor(names, atol, rtol, residual_rtol))
         scheme.begin(parts)
     loop = Loop(p, scheme, recoveries, anchor)
     ended: tuple[Status, str] | None = None
@@ -141,25 +141,25 @@ def _judged(
     stall_window: int,
 ) -> tuple[Status, str] | None:
     """How the loop ends after an evaluation with finite `norms` (fields, 2) of r and x_tilde, None if it goes on."""
-    p, test = loop.progress, loop.progress.test
+    p, monitor = loop.progress, loop.progress.monitor
     k = p.evaluations
-    measure = test.measure(norms[:, 0], norms[:, 1])
-    if test.converged:
+    measure = monitor.measure(norms[:, 0], norms[:, 1])
+    if monitor.converged:
         return "converged", f"Converged in {k} evaluations of G."
-    if test.improved or p.best is None:
+    if monitor.improved or p.best is None:
         failure = loop.mark(x, r)
         if failure:
             return "diverged", f"After evaluation {k} {failure}."
     more = k < max_iterations
-    if measure > growth_limit * test.first:
+    if measure > growth_limit * monitor.first:
         failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
-        return None if more and loop.begin_anew(failure) else ("diverged", failure)
-    if stall_window and test.stalled(stall_window):
-        grows = test.grows(stall_window)
+        return None if more and loop.restart(failure) else ("diverged", failure)
+    if stall_window and monitor.stalled(stall_window):
+        grows = monitor.grows(stall_window)
         failure = (
             f"The residual has {'grown' if grows else 'not fallen'} over the last {stall_window} evaluations of G."
         )
-        if more and not p.stalls and loop.begin_anew(failure):
+        if more and not p.stalls and loop.restart(failure):
             p.stalls += 1
             return None
         return "diverged" if grows else "stalled", failure

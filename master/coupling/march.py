@@ -15,7 +15,7 @@ import numpy as np
 from interface import StepFailed
 from master.coupling.acceleration import ConstantRelaxation, NewtonKrylov, Scheme
 from master.coupling.convergence import Tolerance
-from master.coupling.exchange import Exchange, Order, Warmth
+from master.coupling.exchange import Exchange, Order, StateSnapshot
 from master.coupling.fixed_point import FixedPointResult, fixed_point
 from master.coupling.recovery import Recovery
 
@@ -101,7 +101,7 @@ class Steps:
 
 @dataclass
 class March:
-    """Where a run through time stands after a communication step: with the states and the clock of the exchange, all
+    """Where a transient run is after a communication step: with the states and the clock of the exchange, all
     of it. `x` (unknowns,) is what is sent back, `fields` which entries of it are whose.
     """
 
@@ -112,7 +112,7 @@ class March:
 
     @classmethod
     def beginning(cls, exchange: Exchange, order: Order, predictor: str) -> "March":
-        """Where the exchange stands before its first step."""
+        """Where the exchange is before its first step."""
         now = cls(exchange.present(order), exchange.fields(order), Predictor(predictor))
         now.predictor.add(exchange.time, now.x)
         return now
@@ -122,7 +122,7 @@ class March:
         if self.fields != exchange.fields(order):
             was, here = (", ".join(fields) or "none" for fields in (self.fields, exchange.fields(order)))
             raise ValueError(
-                f"the run to continue has the unknowns {was}, but in order {order} they are {here} here; go on with "
+                f"the run to continue has the unknowns {was}, but in order {order} they are {here} here; continue with "
                 "the order and the connections of then."
             )
 
@@ -136,7 +136,7 @@ class March:
 
 @dataclass(frozen=True, eq=False)
 class MarchResult:
-    """End of a run through time: "converged" if every step did (some may have recovered), else the status of the first
+    """End of a transient run: "converged" if every step did (some may have recovered), else the status of the first
     step that did not, with why. `x` (unknowns,) is what is sent back at the end, `time` s how far it came.
     """
 
@@ -169,15 +169,15 @@ def march(
 
     `scheme` None is the explicit scheme: one exchange a communication step and no iteration. Implicit schemes repeat a
     step from the states at its beginning, from a `predictor` of what is sent back; tolerances are those of
-    `fixed_point`. A step that does not converge is tried once more, without extrapolation and with the scheme begun
-    anew. If that fails too the run ends (`strict`), or it goes on with what was reached and its status says so.
+    `fixed_point`. A step that does not converge is tried once more, without extrapolation and with the scheme
+    restarted. If that fails too the run ends (`strict`), or it continues with what was reached and its status says so.
     `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs; `begun` from
     one continues there.
 
-    ValueError in one sentence where a participant that has a memory cannot be put back and the scheme is implicit.
+    ValueError in one sentence where a participant with a memory cannot restore its state and the scheme is implicit.
     """
     if not exchange.rollback:
-        raise ValueError("the exchange goes on in time with every evaluation; make it with rollback = True.")
+        raise ValueError("the exchange advances in time with every evaluation; make it with rollback = True.")
     if scheme is not None:
         exchange.require_rollback()
     if not (np.isfinite(stop_time) and stop_time >= exchange.time):
@@ -237,17 +237,17 @@ def _implicit_step(
     def attempt(x: np.ndarray) -> FixedPointResult:
         if not isinstance(scheme, NewtonKrylov):  # evaluations begin at the states of the step by themselves
             return _solved(exchange, scheme, x, order, **settings)
-        warmth = Warmth(exchange)  # whose derivatives have to be those at the best point
+        snapshot = StateSnapshot(exchange)  # whose derivatives have to be those at the best point
         try:
-            return _solved(exchange, scheme, x, order, anchor=warmth, **settings)
+            return _solved(exchange, scheme, x, order, anchor=snapshot, **settings)
         finally:
-            warmth.close()
+            snapshot.close()
 
     found = attempt(now.predictor.at(exchange.end))
     events: list[Recovery] = list(found.recoveries)
     iterations = found.iterations
     if not found.converged:
-        events.append(Recovery(iterations, found.message.rstrip("."), "the step was begun anew"))
+        events.append(Recovery(iterations, found.message.rstrip("."), "the step was restarted"))
         restart = getattr(scheme, "restart", None)
         if restart is not None:
             restart()
@@ -261,7 +261,7 @@ def _implicit_step(
 
 
 def _explicit_step(exchange: Exchange, now: March, order: Order, recoveries: int) -> tuple[str, FixedPointResult]:
-    """One exchange, repeated as it was if it fails and all participants can be put back."""
+    """One exchange, repeated as it was if it fails and all participants can restore their states."""
     if exchange.without_rollback():
         recoveries = 0
     found = _solved(

@@ -1,11 +1,11 @@
-"""What a coupling loop needs to recover: where it stands, what went wrong, and the ways on from there."""
+"""What a coupling loop needs to recover: where it is, what went wrong, and how to continue."""
 
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
-from master.coupling.convergence import Test
+from master.coupling.convergence import ConvergenceMonitor
 
 RETREAT = 0.5  # part of the way from the best x that is tried after an evaluation has failed
 
@@ -35,13 +35,13 @@ class Anchor(Protocol):
 
 @dataclass
 class Progress:
-    """Where a loop stands before an evaluation: enough to go on from, bitwise, together with the scheme.
+    """Where a loop is before an evaluation: enough to continue from, bitwise, together with the scheme.
 
     `x` (n,) is the next point; `best` the pair (x, r) with the smallest measure so far.
     """
 
     x: np.ndarray
-    test: Test
+    monitor: ConvergenceMonitor
     residual_norms: list[float] = field(default_factory=list)
     field_norms: list[np.ndarray] = field(default_factory=list)
     best: tuple[np.ndarray, np.ndarray] | None = None
@@ -56,7 +56,7 @@ class Progress:
     def recovered(self, reason: str, remedy: str) -> None:
         """Book a recovery; what was before it does not count as time without progress."""
         self.recoveries.append(Recovery(self.evaluations, reason.rstrip("."), remedy))
-        self.test.begin_anew()
+        self.monitor.restart()
 
 
 class Loop:
@@ -76,9 +76,9 @@ class Loop:
         return ""
 
     def advance(self, x: np.ndarray, r: np.ndarray) -> str:
-        """By the scheme; an update that fails or is not finite makes it begin anew. Why there is none, if so."""
+        """By the scheme; an update that fails or is not finite makes it restart. Why there is none, if so."""
         reason = self._update(x, r)
-        return "" if not reason or self.begin_anew(reason) else reason
+        return "" if not reason or self.restart(reason) else reason
 
     def _update(self, x: np.ndarray, r: np.ndarray) -> str:
         """Set the next x; why that failed, if it did."""
@@ -95,13 +95,13 @@ class Loop:
     def retreat(self, reason: str) -> bool:
         """Half-way to the best point after an evaluation that failed; False if nothing is left to try.
 
-        If that failed too, the scheme begins anew where it can. Where no evaluation has succeeded yet there is no
+        If that failed too, the scheme restarts where it can. Where no evaluation has succeeded yet there is no
         other point: the same is tried once more, in case the failure was a passing one.
         """
         p = self.progress
         if len(p.recoveries) >= (self.recoveries if p.best is not None else min(1, self.recoveries)):
             return False
-        if p.recoveries and p.recoveries[-1].iteration == p.evaluations - 1 and self.begin_anew(reason):
+        if p.recoveries and p.recoveries[-1].iteration == p.evaluations - 1 and self.restart(reason):
             return True
         remedy = "tried again"
         if p.best is not None:
@@ -111,19 +111,19 @@ class Loop:
         p.recovered(reason, remedy)
         return True
 
-    def begin_anew(self, reason: str) -> bool:
-        """From the best point with the scheme begun anew; False if that is not possible."""
+    def restart(self, reason: str) -> bool:
+        """From the best point with the scheme restarted; False if that is not possible."""
         p, restart = self.progress, getattr(self.scheme, "restart", None)
         if len(p.recoveries) >= self.recoveries or restart is None or p.best is None or not restart():
             return False
         # states first: a scheme may ask the solvers for derivatives, which are those of the best point then
         if not self._restore() or self._update(*p.best):
             return False
-        p.recovered(reason, "the scheme began anew from the best point")
+        p.recovered(reason, "the scheme was restarted from the best point")
         return True
 
     def _restore(self) -> bool:
-        """Put back what was marked; False if that fails, which ends the loop."""
+        """Restore what was marked; False if that fails, which ends the loop."""
         try:
             if self.anchor is not None:
                 self.anchor.restore()

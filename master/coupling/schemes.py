@@ -26,7 +26,7 @@ SCHEMES = kinds()
 
 
 def scheme(name: str, exchange: Exchange | None = None, order: Order = "serial", **parameters: Any) -> Scheme:
-    """A fresh scheme object by name, with `parameters` in place of the defaults of its kind.
+    """A new scheme object by name, with `parameters` in place of the defaults of its kind.
 
     Newton-Krylov takes its products from `exchange`; in `order` "parallel" quasi-Newton schemes begin with an explicit
     update unless told otherwise. ValueError in one sentence for a name that does not exist, a parameter that the kind

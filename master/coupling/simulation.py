@@ -1,4 +1,4 @@
-"""A scene in motion through time: the two participants coupled by what they have in common, and inputs over time."""
+"""A transient scene: the two participants coupled in time by what they have in common, and inputs over time."""
 
 import csv
 import math
@@ -19,8 +19,9 @@ from master.coupling.schemes import SCHEMES, scheme
 # The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
 FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
-# Parameters of the schemes in time. The first update takes the whole change: where steps are short, inertia makes the
-# coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and mislead.
+# Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
+# makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
+# mislead.
 PARAMETERS: dict[str, dict[str, Any]] = {
     "relaxation": {"omega": 1.0},
     "aitken": {"omega": 1.0},
@@ -28,7 +29,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "iqn-imvj": {"omega0": 1.0},
 }
 Follower = Callable[[float, "Simulation"], object]
-# Told after every communication step with all that a checkpoint needs; and what a run goes on from, if anything.
+# Told after every communication step with all that a checkpoint needs; and what a run continues from, if anything.
 Holder = Callable[[Exchange, Scheme | None, March], object]
 Begun = Callable[[Exchange, Scheme | None], March]
 
@@ -155,16 +156,16 @@ def simulate(
     begun: Begun | None = None,
     **parameters: Any,
 ) -> Simulation:
-    """Step a structure in motion and the flow around it from 0 to `stop_time` s in communication steps of `step` s.
+    """Step a moving structure and the flow around it from 0 to `stop_time` s in communication steps of `step` s.
 
     `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
     once; its loads act all through the step (the structure's loads_vary is set to 0). The others repeat a step until
-    the motion changes by no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` go
-    through time; `follower(time, simulation)` is called at the start and after every step.
+    the motion changes by no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` vary
+    in time; `follower(time, simulation)` is called at the start and after every step.
 
-    `hold(exchange, scheme, march)` follows every step with what a checkpoint needs; `begun(exchange, scheme)` puts the
-    participants back to where a run stood, and gives what it continues from. ValueError in one sentence for bad input;
-    a step that cannot be solved ends the run with its status.
+    `hold(exchange, scheme, march)` follows every step with what a checkpoint needs; `begun(exchange, scheme)` restores
+    the participants of a run, and gives what it continues from. ValueError in one sentence for bad input; a step that
+    cannot be solved ends the run with its status.
     """
     run = Simulation({side: participants[side] for side in (FLOW, STRUCTURE) if side in participants})
     if inputs is not None:
@@ -207,7 +208,9 @@ def simulate(
 
 def _scheme(name: str, exchange: Exchange, order: Order, parameters: dict[str, Any]) -> Scheme:
     if name in SCHEMES and SCHEMES[name].exact:
-        raise ValueError(f"scheme {name} takes derivatives of equilibria; choose another for a scene in motion.")
+        raise ValueError(
+            f"scheme {name} takes derivatives of quasi-static solves; choose another for a transient scene."
+        )
     return scheme(name, exchange, order, **(PARAMETERS.get(name, {}) | parameters))
 
 

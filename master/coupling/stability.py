@@ -47,16 +47,16 @@ def static_stability(coupling: Coupling, x: np.ndarray) -> Stability:
     evaluations = coupling.evaluations
     states: dict[str, Any] = {}
     try:
-        states = coupling.saved()
+        states = coupling.save()
         coupling.set_tolerance(TIGHTEST)
         found = rightmost_eigenvalue(coupling, x, step=STEP, start=seed)
     except ArithmeticError as error:
         return Stability(None, float("nan"), coupling.evaluations - evaluations, symmetric, str(error))
     finally:
         try:
-            coupling.put_back(states)
+            coupling.restore(states)
         finally:
-            coupling.freed(states)
+            coupling.free(states)
     unstable_modes = 0
     if "unstable_modes" in coupling.structural.blocks:
         unstable_modes = int(coupling.structural.get("unstable_modes"))

@@ -9,14 +9,14 @@ import numpy as np
 
 from master.coupling.acceleration import Scheme
 from master.coupling.convergence import Tolerance
-from master.coupling.exchange import Exchange, Order, Warmth
+from master.coupling.exchange import Exchange, Order, StateSnapshot
 from master.coupling.fixed_point import FixedPointResult, fixed_point
 from master.coupling.recovery import Progress, Recovery
 
 
 @dataclass
 class Search:
-    """Where a steady run stands: what it needs, with the states of the participants, to go on.
+    """Where a steady run is: what it needs, with the states of the participants, to continue.
 
     `x` (unknowns,) is where the present loop began; `tighter` multiplies the tolerances given; `history` has a row per
     evaluation; `best` are the states of the participants at the best point and their clock, once, after a checkpoint
@@ -34,8 +34,8 @@ class Search:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a goal says of the end of a loop: status and message of the run; `residual` of its own test, nan without
-    one; and, where the run is to go on, by how much `tighter` the tolerances become.
+    """What a goal says of the end of a loop: status and message of the run; `residual` of its own criterion, nan
+    without one; and, where the run is to continue, by how much `tighter` the tolerances become.
     """
 
     status: str
@@ -68,8 +68,8 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class SteadyResult:
-    """End of a steady run: the last loop `found`, status and message, `residual` of the goal's own test; `history`, a
-    row per evaluation, `seconds` total and of each participant, `recoveries` what went wrong on the way.
+    """End of a steady run: the last loop `found`, status and message, `residual` by the criterion of the goal;
+    `history`, a row per evaluation, `seconds` total and of each participant, `recoveries` what went wrong on the way.
     """
 
     found: FixedPointResult
@@ -89,14 +89,14 @@ def steady(
     max_iterations: int = 200,
     recoveries: int = 3,
     search: Search | None = None,
-    hold: Callable[[Search, Warmth], object] | None = None,
+    hold: Callable[[Search, StateSnapshot], object] | None = None,
 ) -> SteadyResult:
     """The fixed point of an exchange from what it sends back now; every evaluation is a step in pseudo-time.
 
-    Nothing is put back unless an evaluation failed. Loops of `fixed_point` follow one another until the `goal` is
-    content. `hold(search, warmth)` is called before every evaluation with what a checkpoint needs; a `search` from one
-    continues there. Participants with a memory that cannot be put back leave no way to recover. StepFailed where a
-    participant cannot save its state.
+    No state is restored unless an evaluation failed. Loops of `fixed_point` follow one another until the `goal` is
+    content. `hold(search, snapshot)` is called before every evaluation with what a checkpoint needs; a `search` from
+    one continues there. Participants with a memory that cannot restore their state leave no way to recover. StepFailed
+    where a participant cannot save its state.
     """
     begin, before = time.perf_counter(), dict(exchange.seconds)
     if search is None:
@@ -122,10 +122,10 @@ def _loop(
     search: Search,
     max_iterations: int,
     recoveries: int,
-    hold: Callable[[Search, Warmth], object] | None,
+    hold: Callable[[Search, StateSnapshot], object] | None,
 ) -> FixedPointResult:
     """One fixed point at the present tolerances."""
-    warmth = None if exchange.without_rollback() else Warmth(exchange, search.best)
+    snapshot = None if exchange.without_rollback() else StateSnapshot(exchange, search.best)
     progress, search.loop, search.best = search.loop, None, None
     done = len(search.history) if progress is None else len(search.history) - progress.evaluations
 
@@ -136,9 +136,9 @@ def _loop(
         search.history.append(row)
 
     def held(loop: Progress) -> None:
-        if hold is not None and warmth is not None:
+        if hold is not None and snapshot is not None:
             search.loop = loop
-            hold(search, warmth)
+            hold(search, snapshot)
 
     atol, rtol, residual_rtol = goal.tolerances(search.tighter)
     try:
@@ -152,14 +152,14 @@ def _loop(
             max(1, max_iterations - done),  # 0: a restart with fewer than were made
             exchange.fields(search.order),
             callback=observe,
-            recoveries=0 if warmth is None else recoveries,
-            anchor=warmth,
+            recoveries=0 if snapshot is None else recoveries,
+            anchor=snapshot,
             hold=held,
             progress=progress,
         )
     finally:
-        if warmth is not None:
-            warmth.close()
+        if snapshot is not None:
+            snapshot.close()
     search.loop = None
     search.recoveries += found.recoveries
     return found

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from master.coupling.convergence import Test
+from master.coupling.convergence import ConvergenceMonitor
 from master.coupling.exchange import Connection, Exchange
 from master.coupling.schemes import scheme
 from master.fmu_coupling.entries import Table, nearest, toml_content
@@ -74,7 +74,7 @@ class Document:
             scheme(settings.scheme, exchange, settings.order, **settings.parameters)
             fields = list(exchange.fields(settings.order))
             if fields or settings.mode == "transient":
-                Test(fields, settings.atol, settings.rtol, settings.residual_rtol)
+                ConvergenceMonitor(fields, settings.atol, settings.rtol, settings.residual_rtol)
         except ValueError as error:
             raise ValueError(f"{file}: {error}") from None
         if settings.mode == "steady" and not fields:

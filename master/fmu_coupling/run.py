@@ -1,4 +1,4 @@
-"""Any FMI 2.0 co-simulation FMUs coupled as a document says: through time, or to a fixed point in pseudo-time."""
+"""Any FMI 2.0 co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
 
 import contextlib
 import time
@@ -43,8 +43,8 @@ def couple(
 ) -> CoupleResult:
     """Couple the FMUs of a document, of its file, or of the content of one; results go to the folder `out` if given.
 
-    `report` draws plots too, where matplotlib is installed. `files` says where a run through time keeps checkpoints and
-    which one it goes on from; the results then begin there. ValueError in one sentence for bad input, before anything
+    `report` draws plots too, where matplotlib is installed. `files` says where a transient run keeps checkpoints and
+    which one it continues from; the results then begin there. ValueError in one sentence for bad input, before anything
     is run; what fails in the run ends in a status.
     """
     if not isinstance(document, Document):
@@ -89,9 +89,9 @@ class Run:
         self.number = len(self.now.steps)
 
     def _check_checkpoints(self) -> None:
-        """ValueError in one sentence where a run cannot be kept in a file."""
+        """ValueError in one sentence where a run cannot be written to a checkpoint."""
         if self.document.settings.mode == "steady":
-            raise ValueError("checkpoints are of runs through time; a steady run is one fixed point.")
+            raise ValueError("checkpoints are of transient runs; a steady run is one fixed point.")
         for name in self.exchange.without_rollback():
             raise ValueError(f"{self.exchange.described(name)} cannot save its state, so there are no checkpoints.")
         divided = any(count > 1 for count in self.exchange.substeps.values())
@@ -112,7 +112,7 @@ class Run:
         return {name: described.model for name, described in self.document.described.items()}
 
     def _restarted(self, path: Path) -> March:
-        """Where a run goes on from a checkpoint; ValueError in one sentence if that is of something else."""
+        """Where a run continues from a checkpoint; ValueError in one sentence if that is of something else."""
         about, content = checkpoint.read(path)
         if about.get("models", self._models()) != self._models():
             raise ValueError(
@@ -120,7 +120,7 @@ class Run:
                 f"{', '.join(self._models().values())}; begin without it."
             )
         try:
-            now = checkpoint.march_of(self.exchange, content, self.scheme)
+            now = checkpoint.load_march(self.exchange, content, self.scheme)
             now.require_fields(self.exchange, self.document.settings.order)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
@@ -131,7 +131,7 @@ class Run:
         if self.files.checkpoint is not None and (last or len(now.steps) % self.files.every == 0):
             about: dict[str, Any] = {"document": self.document.file, "models": self._models()}
             about |= {"time": self.exchange.time, "steps": len(now.steps)}
-            checkpoint.write(self.files.checkpoint, about, checkpoint.of_march(self.exchange, self.scheme, now))
+            checkpoint.write(self.files.checkpoint, about, checkpoint.dump_march(self.exchange, self.scheme, now))
 
     def ended(self) -> MarchResult:
         """The run to its end."""
@@ -165,7 +165,7 @@ class Run:
         try:
             ended = steady(exchange, used, _Evaluations(self), s.order, s.max_iterations, s.recoveries)
         except StepFailed as error:  # a participant that could not save its state
-            status, message = "diverged", f"The run cannot go on: {error}"
+            status, message = "diverged", f"The run cannot continue: {error}"
         else:
             self.now.x, status, message = ended.found.x_tilde, ended.status, ended.message
             _judge(steps, ended.found)

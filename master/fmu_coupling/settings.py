@@ -57,7 +57,7 @@ def settings_in(whole: Table) -> Settings:
             for key in TRANSIENT_ONLY[table.name[1:-1]]:
                 if key in table.content:
                     raise table.refused(
-                        key, 'does not go with mode = "steady", which has no end in time; leave it out.'
+                        key, 'does not go with mode = "steady", which does not advance in time; leave it out.'
                     )
     start = time.number("start", 0.0)
     step = time.number("step", 1.0 if mode == "steady" else None, positive=True)

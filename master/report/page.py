@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 OPTIONS = {
     "scheme": ("", "coupling scheme"),
     "backend": ("", "fmu: the two FMUs; in-process: the same solvers without them"),
-    "relaxation": ("1", "factor of relaxation; first factor of aitken and iqn-ils (none: the scheme's own)"),
+    "relaxation": ("1", "relaxation factor; initial factor of aitken and iqn-ils (none: the scheme's own)"),
     "tolerance": ("m", "interface residual that counts as converged, 2-norm over all interface nodes"),
     "force_tolerance": ("N", "out-of-balance force that counts as converged, 2-norm over all free directions"),
-    "max_iterations": ("1", "most coupling iterations"),
+    "max_iterations": ("1", "maximum number of coupling iterations"),
     "stability": ("", "whether the static stability of the equilibrium is judged"),
     "report": ("", "whether plots, VTK files and this page are written"),
 }

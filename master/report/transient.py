@@ -1,4 +1,4 @@
-"""What a run in motion leaves: rows, curves and shapes while it goes on, tables and plots at its end."""
+"""What a transient run leaves: rows, curves and shapes as it advances, tables and plots at its end."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -226,12 +226,12 @@ def motion_figure(title: str, recorder: Recorder, run: Simulation) -> "Figure":
     picked("wind, m/s", ("present_wind_speed", "wind speed", 1.0))
     picked("angle, deg", ("alpha_mid", "angle of attack\nat mid span", 180.0 / np.pi))
     picked("span, m", ("tip_span", "between tips", 1.0))
-    picked("energy, J", ("elastic_energy", "elastic", 1.0), ("external_work", "put in by loads", 1.0))
+    picked("energy, J", ("elastic_energy", "elastic", 1.0), ("external_work", "work of loads", 1.0))
     picked(
         "energy, J",
         ("kinetic_energy", "kinetic", 1.0),
         ("dissipated_energy", "dissipated", 1.0),
-        ("numerical_loss", "numerically lost", 1.0),
+        ("numerical_loss", "numerical loss", 1.0),
     )
     looks: tuple[dict[str, Any], ...] = (
         {"color": DARK, "ls": "-"}, {"color": MIDDLE, "ls": "--"}, {"color": LIGHT, "ls": "-."},

@@ -36,25 +36,27 @@ def compare(
     repeat: int = 1,
     jobs: int | None = None,
     out: str | Path | None = None,
+    recompute: bool = False,
     fresh: bool = False,
     progress: Callable[[int, int, dict[str, Any] | None], Any] | None = None,
 ) -> list[dict[str, Any]]:
     """Solve every scene with every scheme; a flat dict per cell, such that `pandas.DataFrame` makes a table of them.
 
-    A cell is a scene with settings and a scheme with parameters; each starts afresh from the scene's start. `schemes`
+    A cell is a scene with settings and a scheme with parameters; each begins at the scene's start. `schemes`
     are names of `master.coupling.SCHEMES`, all that the backend allows if None. `parameters` maps names of scheme
     parameters to a value or several, `iqn-ils.omega0` for one scheme, `omega` for all that have it. `settings` maps
     names of settings and parameters of the scenes to a value, `sweep` to several; a scene's name in front keeps them to
     that scene. All combinations are solved, in each of the `orders` of exchange ("serial", "parallel"). `tolerance` m,
     `force_tolerance` N and `max_iterations` are those of `master.coupling.solve`; wall times are of the solve with the
-    median one of `repeat`. Scenes in motion go to `stop_time` s in communication steps of `step` s (None: their own),
+    median one of `repeat`. Transient scenes go to `stop_time` s in communication steps of `step` s (None: their own),
     each step solved to `tolerance` m in `max_iterations` at most.
 
-    `jobs` worker processes with one BLAS thread each (None: one a core) solve the cells. They start Python anew and
+    `jobs` worker processes with one BLAS thread each (None: one a core) solve the cells. They start Python again and
     load the calling script, so the call must stand below `if __name__ == "__main__":`. With `jobs=0` all is solved in
     this process. A cell whose process dies, or that ends in an exception, has the status "crashed" and a `message`.
 
-    With `out`, finished cells are kept in `out`/cells and taken from there another time (`fresh`: solved again), and
+    With `out`, finished cells are kept in `out`/cells and taken from there another time (`recompute`: solved again;
+    `fresh` is its former name), and
     tables, plots and a page are written as `kitecosim compare` does. `progress(done, total, row)` is called first with
     the number of cells that were there and None, then after every cell with what is known of it.
 
@@ -78,13 +80,13 @@ def compare(
         raise ValueError(f"{empty} has no values; give at least one.")
     ordered = [orders] if isinstance(orders, str) else list(orders)
     assigned = {k: assignment_text(v) for k, v in (settings or {}).items()}
-    motion = {"stop_time": stop_time, "step": step}
-    cells = grid(paths, names, listed, assigned, swept, ordered, options, motion)
+    transient = {"stop_time": stop_time, "step": step}
+    cells = grid(paths, names, listed, assigned, swept, ordered, options, transient)
     store = None
     if out is not None:
         results_folder(Path(out))
         store = Store(Path(out))
-    found = {} if store is None or fresh else store.finished(cells)
+    found = {} if store is None or recompute or fresh else store.finished(cells)
     if progress is not None:
         progress(len(found), len(cells), None)
     left = [cell for cell in cells if cell.key not in found]

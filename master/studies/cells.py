@@ -1,4 +1,4 @@
-"""One cell of a comparison: the scene loaded afresh, solved with a fresh scheme, and what is worth knowing of it."""
+"""One cell of a comparison: the scene loaded anew, solved with a new scheme object, and what is worth knowing of it."""
 
 import tempfile
 import time
@@ -21,7 +21,7 @@ HISTORIES = {
     "newton_history_structural": "structural.newton_iterations",
     "newton_history_aero": "aero.newton_iterations",
 }
-STEPS = "evaluations_history"  # evaluations of each communication step of a scene in motion
+STEPS = "evaluations_history"  # evaluations of each communication step of a transient scene
 RECORDS = ("omega", "columns", "filtered", "products")  # what a scheme may say of an update
 _WARM: set[str] = set()  # folders of scenes that this process has solved
 
@@ -113,9 +113,9 @@ def _solve(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple
 
 
 def _simulate(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tuple[dict[str, Any], dict[str, float]]:
-    """What one run through time found and, apart, what it took."""
+    """What one transient run found and, apart, what it took."""
     if SCHEMES[cell.scheme].exact:
-        return {"status": "unavailable", "message": f"{cell.scheme} takes derivatives of equilibria."}, {}
+        return {"status": "unavailable", "message": f"{cell.scheme} takes derivatives of quasi-static solves."}, {}
     assert cell.stop_time is not None
     assert cell.step is not None
     order: Any = cell.order

@@ -29,7 +29,7 @@ def compare_scenes(
             rows = compare(scenes, names, parameters, swept, out=out, progress=progress, **options)
     except KeyboardInterrupt:
         print(
-            f"kitecosim: interrupted; the finished cells are in {out}/cells, and the same command goes on from there.",
+            f"kitecosim: interrupted; finished cells are in {out}/cells, and the same command continues from there.",
             file=sys.stderr,
         )
         return EXIT_INTERRUPTED
@@ -39,7 +39,7 @@ def compare_scenes(
 
 
 def _lists(pairs: Sequence[str], example: str) -> dict[str, list[str]]:
-    """Name -> values of NAME=VALUE,VALUE; vectors are parted by semicolons."""
+    """Name -> values of NAME=VALUE,VALUE, comma-separated; vectors are semicolon-separated."""
     option = example.partition(" ")[0]
     out = {}
     for pair in pairs:

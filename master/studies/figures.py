@@ -72,7 +72,7 @@ def residual_figure(rows: Rows) -> "Figure":
 
 
 def step_figure(rows: Rows) -> "Figure":
-    """Coupling iterations of each communication step of scenes in motion."""
+    """Coupling iterations of each communication step of transient scenes."""
     with style():
 
         def panel(axes: "Axes", mine: Rows, others: Rows, looks: dict[str, Any]) -> None:

@@ -20,7 +20,7 @@ FIGURES = {
     "iterations it took (* to another equilibrium)",
     "iterations": "Coupling iterations of each scheme, dark where they are fewest. Hatched red bars are solves that "
     "did not converge, with the iteration at which they ended; dotted ones have found another equilibrium",
-    "steps": "Coupling iterations of each communication step of scenes in motion; beside each scheme all of them",
+    "steps": "Coupling iterations of each communication step of transient scenes; beside each scheme all of them",
     "omega": "Relaxation factors over the coupling iterations, where a scheme has them and they change",
 }
 FILES = (
@@ -58,7 +58,7 @@ def write_comparison(out: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 class Store:
-    """Finished cells as files in the folder `out`/cells, one each: a comparison goes on where it was interrupted.
+    """Finished cells as files in the folder `out`/cells, one each: a comparison continues where it was interrupted.
 
     A file is named after the hash of all that defines its cell, and is whole or missing.
     """

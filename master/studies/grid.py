@@ -16,7 +16,7 @@ from master.coupling.exchange import ORDERS
 from master.coupling.schemes import SCHEMES, defaults
 from master.coupling.simulation import PARAMETERS
 from master.report.tables import versions
-from master.transient import motion_times
+from master.transient import transient_times
 
 # What a change of the code must not leave unnoticed; report and studies only show the numbers.
 _NUMBERS = dict.fromkeys(("interface", "structural", "aero", "scenes", "master"), "**/*.py") | {"fmus": "*.py"}
@@ -28,7 +28,7 @@ class Cell:
     """One entry of a comparison, complete: what it solves, with which scheme, to which tolerances.
 
     `folder` is the scene's folder, `assigned` its settings and parameters that differ from the scene's own, as texts,
-    `parameters` all parameters of the scheme. A scene in motion goes to `stop_time` s in steps of `step` s, others
+    `parameters` all parameters of the scheme. A transient scene goes to `stop_time` s in steps of `step` s, others
     have neither. `case` and `label` name scene and scheme in tables. `digest` stands for
     the contents of the folder and of the code, `versions` for the packages.
     """
@@ -66,7 +66,7 @@ def grid(
     sweep: Mapping[str, Sequence[str]],
     orders: Sequence[str],
     options: Mapping[str, Any],
-    motion: Mapping[str, float | None],
+    transient: Mapping[str, float | None],
 ) -> list[Cell]:
     """All cells in the order of the scenes, their settings, the schemes, their parameters, the orders of exchange.
 
@@ -77,11 +77,13 @@ def grid(
     variants = _variants(schemes, parameters)
     cases = _cases(scenes, assigned, sweep)
     found, code = versions(), _code_digest()
-    if not any(scene.moves for scene, _, _ in cases) and any(value is not None for value in motion.values()):
-        raise ValueError("--stop-time and --step are for scenes in motion, and none is compared; leave them out.")
+    if not any(scene.moves for scene, _, _ in cases) and any(value is not None for value in transient.values()):
+        raise ValueError("--stop-time and --step are for transient scenes, and none is compared; leave them out.")
     cells = []
     for scene, given, case in cases:
-        stop, step = motion_times(scene, motion.get("stop_time"), motion.get("step")) if scene.moves else (None, None)
+        stop, step = (
+            transient_times(scene, transient.get("stop_time"), transient.get("step")) if scene.moves else (None, None)
+        )
         digest = f"{_digest(scene.folder, ['**/*'])}-{code}"
         for (name, chosen, label), order in itertools.product(variants, orders):
             shown = label if order == ORDERS[0] else f"{label} {order}"

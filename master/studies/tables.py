@@ -22,14 +22,14 @@ HEADER = {
 }
 WORDS = ("label", "status", "equilibrium")  # columns that are no numbers
 LEGEND = {
-    "steps": "communication steps of a scene in motion",
+    "steps": "communication steps of a transient scene",
     "iterations": "coupling iterations, each one call of both solvers",
     "solver calls": "structure / flow, those that test the result included",
     "Newton iterations": "of all calls, structure / flow",
     "s": "wall time of the coupling loop, both solvers included, without loading the scene",
     "residual, N": "out-of-balance force at the end, with the flow evaluated again",
-    "equilibrium": "1 is the one that most schemes have found; others with the relative difference of displacement; in "
-    "motion the state at the end",
+    "equilibrium": "1 is the one that most schemes have found; others with the relative difference of displacement; of "
+    "transient scenes the state at the end",
 }
 
 

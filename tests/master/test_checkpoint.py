@@ -74,7 +74,7 @@ def test_a_state_that_cannot_be_written_is_refused_and_leaves_neither_file_nor_s
     exchange.participants["mass"].serialised = no
     with pytest.raises(ValueError, match=r"cannot be written.*\.$"):
         march(exchange, IQNILS(), DT, hold=lambda now: checkpoint.write(
-            tmp_path / "x", {}, checkpoint.of_march(exchange, None, now)
+            tmp_path / "x", {}, checkpoint.dump_march(exchange, None, now)
         ))  # fmt: skip
     assert alive(exchange) == 0
     assert list(tmp_path.iterdir()) == []

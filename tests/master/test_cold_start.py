@@ -114,6 +114,7 @@ def test_modules_are_found_under_their_former_names_and_say_where_they_are_now()
         ("spectrum", "dominant_eigenvalue"),
         ("stability", "static_stability"),
         ("steady", "steady"),
+        ("still_air", "StillAir"),
     )
     assert {former for former, _ in names} == set(MOVED)
     for former, name in names:

@@ -148,7 +148,7 @@ def test_second_comparison_solves_nothing_and_a_larger_one_only_what_is_new(tmp_
     counts.clear()
     compare(**what, parameters={"aitken.omega": [0.5, 0.7]}, progress=count)
     assert counts[0] == (2, 3, True)  # omega = 0.5 is the default
-    compare(**what, fresh=True)
+    compare(**what, recompute=True)
     assert all(path.stat().st_mtime_ns > before for path, before in files.items())
 
 
@@ -184,7 +184,7 @@ def test_same_rows_give_the_same_bytes(tmp_path):
     before = {p.name: p.read_bytes() for p in files}
     compare(**what)
     assert {p.name: p.read_bytes() for p in files} == before
-    compare(**what, fresh=True)
+    compare(**what, fresh=True)  # its name in releases up to 0.1
     for name in ("residuals.png", "residuals.svg", "iterations.png", "iterations.svg", "omega.png"):
         assert (tmp_path / name).read_bytes() == before[name], name  # no wall times in them
 

@@ -32,6 +32,10 @@ def test_command_prints_a_table_a_scene_and_names_its_files(tmp_path):
     again = run(tmp_path, "typical_section", "--sweep", "wind_speed=5,10,15", "--schemes", "explicit,iqn-ils")
     assert f"4 of 6 cells were there already, in {tmp_path}/cells" in again.stdout
     assert "there already" not in first.stdout
+    for option in ("--recompute", "--fresh"):  # the second is its name in releases up to 0.1
+        once_more = run(tmp_path, "typical_section", "--sweep", "wind_speed=5,10", "--schemes", "explicit", option)
+        assert once_more.exit_code == 0, once_more.output
+        assert "there already" not in once_more.stdout
 
 
 def test_vectors_are_swept_between_semicolons_and_scenes_have_their_own_settings(tmp_path):
@@ -138,6 +142,6 @@ def test_interrupt_keeps_the_finished_cells_and_ends_with_130(tmp_path):
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130, errors
     assert errors.splitlines() == [
-        f"kitecosim: interrupted; the finished cells are in {tmp_path}/cells, and the same command goes on from there."
+        f"kitecosim: interrupted; finished cells are in {tmp_path}/cells, and the same command continues from there."
     ]
     assert len(list(tmp_path.glob("cells/*"))) == 1

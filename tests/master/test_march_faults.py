@@ -1,4 +1,4 @@
-"""Runs through time that meet faults: what recovers, what ends how, and that no saved state is left behind."""
+"""Transient runs that meet faults: what recovers, what ends how, and that no saved state is left behind."""
 
 import itertools
 

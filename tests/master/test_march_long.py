@@ -1,4 +1,4 @@
-"""Runs through time against closed forms and monolithic solves: added mass, predictors, and what long runs leave."""
+"""Transient runs against closed forms and monolithic solves: added mass, predictors, and what long runs leave."""
 
 import numpy as np
 import pytest

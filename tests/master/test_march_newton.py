@@ -1,4 +1,4 @@
-"""Newton-Krylov through time: derivatives are those at the point that is left, also after a failed evaluation."""
+"""Newton-Krylov in transient runs: derivatives are those at the point that is left, also after a failed evaluation."""
 
 import numpy as np
 import pytest

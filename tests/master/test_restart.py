@@ -1,4 +1,4 @@
-"""A coupled solve that is interrupted anywhere goes on to the last bit as if it had not been."""
+"""A coupled solve that is interrupted anywhere continues to the last bit as if it had not been."""
 
 import json
 import os
@@ -55,7 +55,7 @@ def test_a_coupled_solve_goes_on_bitwise_from_every_coupling_iteration(name, met
         search, remarks = restart.resumed(
             path, coupling, fresh, about(name, coupling, scheme=method, order=order), {}
         )  # fmt: skip
-        assert remarks == [f"went on from {path.name} after {at} coupling iterations"]
+        assert remarks == [f"restarted from {path.name} after {at} coupling iterations"]
         again = solve(coupling, fresh, atol=1e-7, order=order, search=search)
         assert_same(again, whole)
         for entry in ("_shares", "_floor", "_omega", "_size"):
@@ -79,14 +79,14 @@ def test_fewer_iterations_than_were_made_before_the_tolerance_was_tightened_end_
     used = scheme("relaxation", omega=0.5)
     options = {"atol": 1e-2, "force_tolerance": 1e-6}
 
-    def hold(search, warmth):
+    def hold(search, snapshot):
         if search.tighter < 1.0:
-            kept.append(pickle.dumps(checkpoint.of_search(coupling, used, search, warmth)))
+            kept.append(pickle.dumps(checkpoint.dump_search(coupling, used, search, snapshot)))
 
     solve(coupling, used, hold=hold, **options)
     assert kept
     again = in_process("typical_section", wind_speed=15.0)
-    search = checkpoint.search_of(again, pickle.loads(kept[0]))
+    search = checkpoint.load_search(again, pickle.loads(kept[0]))
     result = solve(again, used, max_iterations=1, search=search, **options)
     assert result.status == "max_iterations"
 
@@ -99,7 +99,7 @@ def test_fewer_iterations_than_were_made_before_the_tolerance_was_tightened_end_
         (
             {"scheme": "aitken"},
             {},
-            "aitken; coupling iterations are counted anew, without the history of another scheme",
+            "aitken; coupling iterations are counted from 1 again, without the history of another scheme",
         ),
         ({"parameters": {"wind_speed": 16.0}}, {"wind_speed": "16"}, "wind_speed 15.0 -> 16.0"),
     ],
@@ -113,7 +113,7 @@ def test_a_restart_with_other_settings_says_what_changed_and_finds_what_a_fresh_
             begun("section", path, 2)
     else:
         result, coupling, used = begun("section", path, -1)
-        restart.Keeper(path, 1, coupling, used, about("section", coupling)).end(result)
+        restart.CheckpointWriter(path, 1, coupling, used, about("section", coupling)).end(result)
     coupling = in_process("typical_section", **CASES["section"][1])
     now = about("section", coupling) | change
     used = scheme(now["scheme"])
@@ -139,12 +139,12 @@ path, at = Path(sys.argv[1]), int(sys.argv[2])
 about = {"scene": "typical_section", "scene_settings": {}, "parameters": {}, "order": "serial"}
 with as_fmus("typical_section", wind_speed=15.0) as coupling:
     used, search = scheme("iqn-ils"), None
-    keeper = restart.Keeper(path if at >= 0 else None, 1, coupling, used, about)
+    keeper = restart.CheckpointWriter(path if at >= 0 else None, 1, coupling, used, about)
     if at == -2:
         search, _ = restart.resumed(path, coupling, used, about, {})
 
-    def hold(search, warmth):
-        keeper(search, warmth)
+    def hold(search, snapshot):
+        keeper(search, snapshot)
         if len(search.history) == at:
             import os
             os._exit(3)

@@ -10,7 +10,7 @@ import numpy as np
 
 from master.coupling.acceleration.scheme import Field, require_factor, unit
 
-# Factor on the steps in directions that are not known yet, each time a scheme begins anew after it was led astray, and
+# Factor on the steps in directions that are not known yet, each time a scheme restarts after it was led astray, and
 # how it grows back to 1 with every fall of the residual.
 CAREFUL, REGAINED = 0.25, 1.5
 # First relaxation: the best factor for one eigenvalue lambda of the coupled map is 1 / (1 - lambda), 0.7 at -0.5 (the
@@ -88,7 +88,7 @@ class QuasiNewton:
         self._last, self._careful = None, 1.0
 
     def restart(self) -> bool:
-        """Begin anew without columns, with a quarter of the step in unknown directions, which grows back as residuals
+        """Restart without columns, with a quarter of the step in unknown directions, which grows back as residuals
         fall; until then, or to the end of this call or of the next.
         """
         self._forget()
@@ -139,7 +139,7 @@ class QuasiNewton:
         raise NotImplementedError
 
     def _refield(self, fields: tuple[Field, ...]) -> None:
-        """Sort the columns anew, as the fields are others."""
+        """Sort the columns again, as the fields are others."""
         raise NotImplementedError
 
 

@@ -25,7 +25,7 @@ class IQNIMVJ(QuasiNewton):
 
     J_old is the J with which the last call ended. It is never formed: J r is applied call by call, newest first, as
     W V^+ r + J_old (r - V V^+ r), with O(n) operations and numbers for each column of an earlier call; the k columns of
-    this call are orthogonalised anew at every update, O(n k^2). There is no number of calls to choose; only
+    this call are orthogonalised again at every update, O(n k^2). There is no number of calls to choose; only
     `max_columns` bounds what is kept, and the oldest calls go first. `omega0` relaxes the first update of all, `filter`
     and `curved` choose columns within a call as in `IQNILS`, for the weights D see `QuasiNewton`.
     """

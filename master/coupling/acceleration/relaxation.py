@@ -8,7 +8,7 @@ import numpy as np
 
 from master.coupling.acceleration.scheme import Field, Kind, require_factor
 
-CAREFUL = 0.5  # part of its first factor with which Aitken begins anew
+CAREFUL = 0.5  # part of its first factor with which Aitken restarts
 
 
 @dataclass
@@ -89,7 +89,7 @@ class Aitken:
         self._omega = math.copysign(min(abs(self._omega), self.omega_max), self._omega)
 
     def restart(self) -> bool:
-        """Begin anew with half of the factor of the last beginning."""
+        """Restart with half of the factor of the last start."""
         self._careful *= CAREFUL
         self._omega, self._r = self._careful * self.omega, None
         return True

@@ -32,7 +32,7 @@ class Scheme(Protocol):
         """After the last evaluation, with the pair that was tested but never went through `step`."""
 
     def restart(self) -> bool:
-        """Forget what led astray and go on more carefully; False where the scheme knows no more careful way."""
+        """Forget what led astray and continue more carefully; False where the scheme knows no more careful way."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ class Kind:
     place: float = 100.0
 
     def __call__(self, **parameters: Any) -> Scheme:
-        """A fresh scheme object with `parameters` in place of the defaults."""
+        """A new scheme object with `parameters` in place of the defaults."""
         return self.make(**{**self.parameters, **parameters})
 
 
 def adopt(scheme: Any, earlier: Any) -> bool:
-    """Let a scheme go on from the history of an earlier one of its kind, keeping its own settings; False if the kinds
+    """Let a scheme take over the history of an earlier one of its kind, keeping its own settings; False if the kinds
     differ. What follows from the settings is theirs from the next call on.
     """
     if type(scheme) is not type(earlier) or not is_dataclass(scheme):

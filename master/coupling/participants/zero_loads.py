@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 
-class StillAir:
+class ZeroLoads:
     """A participant that takes displacements and gives zero for the `loads` (block -> shape) that a structure needs."""
 
     offers_derivatives = True
@@ -16,8 +16,8 @@ class StillAir:
         self.causality = {"displacement": "input"} | dict.fromkeys(loads, "output")
 
     @classmethod
-    def beside(cls, structural: Any) -> "StillAir":
-        """Still air around a structural participant."""
+    def beside(cls, structural: Any) -> "ZeroLoads":
+        """The stand-in for the flow of a structural participant."""
         inputs = [b for b, c in structural.causality.items() if c == "input"]
         return cls(structural.blocks["displacement"], {b: structural.blocks[b] for b in inputs})
 
@@ -53,3 +53,6 @@ class StillAir:
 
     def close(self) -> None:
         """There is nothing to close."""
+
+
+StillAir = ZeroLoads  # its name in releases up to 0.1
