@@ -3,7 +3,7 @@
 import itertools
 import math
 
-from master.acceleration import IQNILS, IQNIMVJ, Aitken
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken
 
 from . import kratos
 from .reference_problems import REFERENCES, March, Reference

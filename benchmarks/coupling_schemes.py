@@ -8,7 +8,7 @@ from scipy.linalg import qr
 
 import scenes
 from master import IQNILS, compare
-from master.comparison.tables import markdown
+from master.studies.tables import markdown
 
 from .registry import Case, Curve, Fit, Outcome, Table
 from .text import lines

@@ -7,10 +7,10 @@ import warnings
 
 import numpy as np
 
-from master.acceleration import IQNILS, IQNIMVJ, Aitken
-from master.exchange import Exchange
-from master.fixed_point import fixed_point
-from master.march import march
+from master.coupling import Exchange
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken
+from master.coupling.fixed_point import fixed_point
+from master.coupling.march import march
 
 from .problems import BACKENDS
 from .random_problems import RandomProblem
@@ -53,8 +53,8 @@ def random(quick):
     told = (
         "At most 200 evaluations of G. n = 1 to 2000, up to 30 eigenvalues beyond the radius 0.3 and up to 50 in "
         "magnitude, of either sign and in complex pairs, coupled one way; up to four fields with scales up to 1e12 "
-        "apart; tolerances 1e-8 to 1e-3; noise of up to a hundredth of them. `recovered` of the converged ones began "
-        "anew once or more. No exception and no warning in any of them."
+        "apart; tolerances 1e-8 to 1e-3; noise of up to a hundredth of them. `recovered` of the converged ones were "
+        "restarted once or more. No exception and no warning in any of them."
     )
     return lines(table([*head, "median evaluations", "95 % below"], rows), told)
 
@@ -111,7 +111,7 @@ def gust(quick):
     head += [f"memory after {SETTLED}, MB", "growth to the end", "states freed"]
     told = (
         f"Wind of 12 m/s with a gust of {GUST:g} m/s and {PERIOD:g} s, communication steps of 0.1 s, each solved to "
-        "1e-6 by IQN-ILS with linear prediction and rollback (the scene is quasi-steady: its memory is the warm start)."
+        "1e-6 by IQN-ILS with linear prediction and rollback (the scene is quasi-static: its memory is the warm start)."
     )
     return lines(table(head, rows), told)
 

@@ -8,9 +8,7 @@ import time
 
 import scenes
 from fmus.builder import build
-from master.coupling import solve
-from master.participants import FmuParticipant
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, FmuParticipant, solve
 
 from .problems import BACKENDS, in_process
 from .registry import Case, Curve, Outcome, Table

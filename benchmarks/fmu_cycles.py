@@ -44,7 +44,7 @@ def loaded_once(folders):
 
 def loaded_anew(folders):
     """One cycle of all FMUs as participants, which unpack and load the library and put both away."""
-    from master.participants import FmuParticipant
+    from master.coupling import FmuParticipant
 
     def cycle():
         for folder in folders:

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from master.participants import InProcessParticipant
-from master.transient import simulate
+from master.coupling import InProcessParticipant, simulate
 from scenes import load
 
 from .registry import Table

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from master.transient import simulate
+from master.coupling import simulate
 from scenes import load
 
 from .particle_coupled import sides

@@ -8,8 +8,7 @@ import numpy as np
 
 import scenes
 from fmus.builder import build
-from master.coupling import Coupling
-from master.participants import FmuParticipant
+from master.coupling import Coupling, FmuParticipant
 
 # Published figures of the V3 kite are without line drag: where a scene can model it, comparisons with them leave it
 # out. {} compares with what the scenes ship.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from master.fixed_point import fixed_point
+from master.coupling.fixed_point import fixed_point
 
 from .reference_tubes import RingWallTube, Tube
 

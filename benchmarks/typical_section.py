@@ -3,8 +3,7 @@
 import contextlib
 import functools
 
-from master.coupling import solve
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, solve
 
 from .problems import DENSITY, divergence_pressure, in_process, plate_wind, twist
 from .registry import Case, Curve, Fit, Outcome

@@ -3,8 +3,7 @@
 import contextlib
 import functools
 
-from master.coupling import solve
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, solve
 
 from .problems import in_process
 from .registry import Case, Fit, Outcome

@@ -4,11 +4,9 @@ import functools
 
 import numpy as np
 
-from master.acceleration import Aitken, ConstantRelaxation
-from master.coupling import solve
-from master.run import coupled_run
-from master.schemes import SCHEMES
-from master.spectrum import critical_relaxation, dominant_eigenvalue
+from master.coupling import SCHEMES, coupled_run, solve
+from master.coupling.acceleration import Aitken, ConstantRelaxation
+from master.coupling.spectrum import critical_relaxation, dominant_eigenvalue
 
 from .problems import has_setting, in_process, published
 from .registry import Table

@@ -6,8 +6,7 @@ import functools
 import numpy as np
 
 import scenes
-from master.run import coupled_run
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, coupled_run
 
 from .problems import as_fmus, in_process
 from .registry import Case, Curve, Outcome, Table

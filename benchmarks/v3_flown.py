@@ -2,9 +2,8 @@
 
 import numpy as np
 
+from master.coupling import SCHEMES, coupled_run
 from master.report import final_state
-from master.run import coupled_run
-from master.schemes import SCHEMES
 
 from .problems import in_process, loaded
 from .registry import Table

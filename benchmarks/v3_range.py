@@ -5,8 +5,7 @@ import functools
 
 import numpy as np
 
-from master.coupling import solve
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, solve
 from scenes import SceneError
 
 from .problems import in_process

@@ -1,46 +1,39 @@
-"""Coupling master: participants, the coupling loop, acceleration, convergence, report and command line.
+"""Coupling master: the coupling engine, FMUs of any maker, studies, reports and the command line.
 
 The public names load with their modules when they are first used, so that the command line can answer without them.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from master import moved
+
 if TYPE_CHECKING:
-    from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
-    from master.comparison import compare
-    from master.fixed_point import FixedPointResult, fixed_point
-    from master.foreign import couple
+    from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
+    from master.coupling.fixed_point import FixedPointResult, fixed_point
+    from master.fmu_coupling import couple
+    from master.studies import compare
 
 __all__ = ["IQNILS", "IQNIMVJ", "Aitken", "ConstantRelaxation", "FixedPointResult", "compare", "couple", "fixed_point"]
 
 _MODULES = {
-    "compare": "comparison",
-    "couple": "foreign",
-    "FixedPointResult": "fixed_point",
-    "fixed_point": "fixed_point",
+    "compare": "studies",
+    "couple": "fmu_coupling",
+    "FixedPointResult": "coupling.fixed_point",
+    "fixed_point": "coupling.fixed_point",
 }
 
-
-class _Package(ModuleType):
-    """A package in which a public name goes before the module of the same name, whichever is loaded first."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        own = name in __all__ and isinstance(value, ModuleType)  # set by the import system after loading a module
-        super().__setattr__(name, getattr(value, name) if own else value)
-
-
-sys.modules[__name__].__class__ = _Package
+moved.install()
 
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_MODULES.get(name, 'acceleration')}"), name)
-    globals()[name] = value
-    return value
+    if name in __all__:
+        module = import_module(f"{__name__}.{_MODULES.get(name, 'coupling.acceleration')}")
+        value = globals()[name] = getattr(module, name)
+        return value
+    if name in moved.MOVED:
+        return moved.module(name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

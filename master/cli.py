@@ -1,4 +1,4 @@
-"""Command line: `kitecosim`; what its commands do is in commands.py, comparison and foreign."""
+"""Command line: `kitecosim`; what its commands do is in commands.py, transient.py, studies and fmu_coupling."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +10,8 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # help without rich, which takes longer to load than all the rest
-    help="Aero-structural co-simulation of soft kites: a structural and an aerodynamic FMU, coupled to equilibrium.",
+    help="Aero-structural co-simulation of soft kites: a structural and an aerodynamic FMU, coupled, in quasi-static "
+    "and transient cases.",
 )
 
 SceneArgument = Annotated[
@@ -19,7 +20,7 @@ SceneArgument = Annotated[
 ToleranceOption = Annotated[float, typer.Option(help="Interface residual ||x~ - x|| in m that counts as converged.")]
 ForceToleranceOption = Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")]
 CheckpointOption = Annotated[
-    Path | None, typer.Option(help="File that keeps where the run stands, so that it can go on after an end.")
+    Path | None, typer.Option(help="Checkpoint file to write, from which an interrupted run continues with --restart.")
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -29,14 +30,17 @@ SetOption = Annotated[
 ]
 
 
-@app.command(short_help="Couple structure and flow of SCENE to equilibrium.")
+@app.command(short_help="Couple structure and flow of SCENE, to equilibrium or in time.")
 def run(
     scene: SceneArgument,
     scheme: Annotated[
         str, typer.Option(help="explicit, relaxation, aitken, iqn-ils, iqn-imvj or newton-krylov (in-process only).")
     ] = "iqn-ils",
     order: Annotated[
-        str, typer.Option(help="serial: flow, then structure; parallel: both at once, loads are iterated too.")
+        str,
+        typer.Option(
+            help="serial (Gauss-Seidel): flow, then structure; parallel (Jacobi): both at once, loads are iterated too."
+        ),
     ] = "serial",
     backend: Annotated[
         str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")
@@ -44,39 +48,43 @@ def run(
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/SCENE.")] = None,
     relaxation: Annotated[
-        float | None, typer.Option(help="Factor of relaxation; first factor of aitken and the quasi-Newton schemes.")
+        float | None, typer.Option(help="Relaxation factor; initial factor of aitken and the quasi-Newton schemes.")
     ] = None,
     tolerance: ToleranceOption = 1e-5,
     force_tolerance: ForceToleranceOption = 0.01,
-    max_iterations: Annotated[int, typer.Option(help="Most coupling iterations.")] = 200,
-    stability: Annotated[bool, typer.Option(help="Judge the static stability of the equilibrium found.")] = True,
+    max_iterations: Annotated[int, typer.Option(help="Maximum number of coupling iterations.")] = 200,
+    stability: Annotated[bool, typer.Option(help="Assess the static stability of the equilibrium found.")] = True,
     report: Annotated[bool, typer.Option(help="Write plots, VTK files and an HTML page too.")] = True,
     checkpoint: CheckpointOption = None,
     checkpoint_every: Annotated[
-        int, typer.Option(help="Coupling iterations, in motion communication steps, from checkpoint to checkpoint.")
+        int, typer.Option(help="Coupling iterations between checkpoints; transient cases: communication steps.")
     ] = 1,
     restart: Annotated[
         Path | None,
         typer.Option(
-            help="Go on from this checkpoint, one of your own. Scene, its settings, fixed parameters and backend stay; "
-            "scheme, tolerances and tunable parameters may be others. What is not given is as in the checkpoint."
+            help="Continue from this checkpoint, one of your own. Scene, its settings, fixed parameters and backend "
+            "stay; scheme, tolerances and tunable parameters may be others. What is not given is as in the checkpoint."
         ),
     ] = None,
-    stop_time: Annotated[float | None, typer.Option(help="Scenes in motion: end of the run in s.")] = None,
-    step: Annotated[float | None, typer.Option(help="Scenes in motion: communication step in s.")] = None,
+    stop_time: Annotated[float | None, typer.Option(help="Transient cases: end of the run in s.")] = None,
+    step: Annotated[float | None, typer.Option(help="Transient cases: communication step in s.")] = None,
     inputs: Annotated[
         Path | None,
-        typer.Option(help="Scenes in motion: CSV file with a column time and columns of parameters, linear between."),
+        typer.Option(
+            help="Transient cases: CSV file with a column time and columns of parameters, linearly interpolated."
+        ),
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="Plot the residual in the terminal while it runs.")] = False,
 ) -> None:
-    """Couple structure and flow of SCENE to equilibrium; print a table, write results and a report.
+    """Couple structure and flow of SCENE; print a table, write results and a report.
+
+    A quasi-static case is iterated to equilibrium, a transient one integrated in time.
 
     Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input, 130
     interrupted (earlier results in the folder are gone then).
     """
     from master.commands import run_scene
-    from master.restart import Files
+    from master.coupling.checkpoint import Files
 
     choices = {
         "scheme": scheme,
@@ -120,7 +128,7 @@ def build(
     ] = 2,
 ) -> None:
     """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
-    from master.building import build_scene
+    from master.commands import build_scene
 
     _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi))
 
@@ -131,7 +139,7 @@ def compare(
         list[str], typer.Argument(help="Names of built-in scenes (see `kitecosim scenes`) or scene folders.")
     ],
     schemes: Annotated[
-        str | None, typer.Option(help="Schemes, parted by commas; without it all that there are.", metavar="NAME,NAME")
+        str | None, typer.Option(help="Comma-separated schemes; without it all that there are.", metavar="NAME,NAME")
     ] = None,
     parameters: Annotated[
         list[str] | None,
@@ -159,7 +167,7 @@ def compare(
         ),
     ] = None,
     order: Annotated[
-        str, typer.Option(help="serial: flow, then structure; parallel: both at once; serial,parallel compares them.")
+        str, typer.Option(help="serial (Gauss-Seidel), parallel (Jacobi), or serial,parallel to compare them.")
     ] = "serial",
     backend: Annotated[
         str, typer.Option(help="in-process: the solvers without FMUs; fmu: build and load the FMUs of every cell.")
@@ -167,28 +175,32 @@ def compare(
     tolerance: ToleranceOption = 1e-5,
     force_tolerance: ForceToleranceOption = 0.01,
     max_iterations: Annotated[
-        int, typer.Option(help="Most coupling iterations of a cell, in motion of a communication step.")
+        int,
+        typer.Option(help="Maximum number of coupling iterations of a cell; transient cases: of a communication step."),
     ] = 200,
-    stop_time: Annotated[float | None, typer.Option(help="Scenes in motion: end of the run in s.")] = None,
-    step: Annotated[float | None, typer.Option(help="Scenes in motion: communication step in s.")] = None,
-    repeat: Annotated[int, typer.Option(help="Solve each cell so often; wall times are those of the median.")] = 1,
+    stop_time: Annotated[float | None, typer.Option(help="Transient cases: end of the run in s.")] = None,
+    step: Annotated[float | None, typer.Option(help="Transient cases: communication step in s.")] = None,
+    repeat: Annotated[int, typer.Option(help="Number of solves of each cell; wall times are those of the median.")] = 1,
     jobs: Annotated[
         int | None,
         typer.Option(
-            help="Worker processes; without it one a core. 1: wall times that nothing disturbs. 0: no worker process."
+            help="Worker processes; without it one per core. 1: undisturbed wall times. 0: solve in this process."
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("results/compare"),
-    fresh: Annotated[bool, typer.Option("--fresh", help="Solve cells again that are finished in the folder.")] = False,
+    recompute: Annotated[
+        bool, typer.Option("--recompute", help="Solve cells again that are finished in the folder.")
+    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", hidden=True)] = False,  # its name in releases up to 0.1
 ) -> None:
     """Solve every SCENE with every scheme; print tables, write them with plots and a page.
 
     A cell is a scene with its settings and a scheme with its parameters. Finished cells are kept in the folder, so that
-    the same command goes on where it was interrupted. A scheme that does not converge is a result like any other.
+    the same command continues where it was interrupted. A scheme that does not converge is a result like any other.
 
     Exit code: 0 all cells ran, whatever came out; 1 a cell crashed; 2 bad input; 130 interrupted.
     """
-    from master.comparison.command import compare_scenes
+    from master.studies.command import compare_scenes
 
     options = {
         "orders": [part.strip() for part in order.split(",") if part.strip()],
@@ -200,7 +212,7 @@ def compare(
         "step": step,
         "repeat": repeat,
         "jobs": jobs,
-        "fresh": fresh,
+        "recompute": recompute or fresh,
     }
     _finish(
         lambda: compare_scenes(
@@ -227,10 +239,10 @@ def couple(
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/NAME of FILE.")] = None,
     report: Annotated[bool, typer.Option(help="Write plots too.")] = True,
     checkpoint: CheckpointOption = None,
-    checkpoint_every: Annotated[int, typer.Option(help="Communication steps from checkpoint to checkpoint.")] = 10,
+    checkpoint_every: Annotated[int, typer.Option(help="Communication steps between checkpoints.")] = 10,
     restart: Annotated[
         Path | None,
-        typer.Option(help="Go on from this checkpoint (of your own); scheme, tolerances, step, stop may be others."),
+        typer.Option(help="Continue from this checkpoint (of your own); scheme, tolerances, step, stop may be others."),
     ] = None,
 ) -> None:
     """Couple two or more FMI 2.0 co-simulation FMUs, of whatever maker, as FILE says; print a table, write results.
@@ -238,8 +250,8 @@ def couple(
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
     (results up to there are still written), 2 bad input, 130 interrupted.
     """
-    from master.foreign.command import couple_file
-    from master.restart import Files
+    from master.coupling.checkpoint import Files
+    from master.fmu_coupling.command import couple_file
 
     _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart)))
 
@@ -260,7 +272,7 @@ def host_env(
     In a shell: eval "$(kitecosim host-env)". Hosts that are Python programs need nothing but numpy and scipy; a host
     that finds such a Python as python3 in its PATH needs nothing either.
     """
-    from master.building import print_host_environment
+    from master.commands import print_host_environment
 
     _finish(lambda: print_host_environment(preload))
 
@@ -283,7 +295,7 @@ def _finish(command: Any) -> None:
         typer.echo(f"kitecosim: {error}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        typer.echo("kitecosim: interrupted; a run with --checkpoint goes on with --restart.", err=True)
+        typer.echo("kitecosim: interrupted; a run with --checkpoint continues with --restart.", err=True)
         raise typer.Exit(130) from None
     except RuntimeError as error:  # an FMU that ended with fmi2Fatal
         typer.echo(f"kitecosim: {error}", err=True)

@@ -1,6 +1,8 @@
 """What the commands of the command line do: from words to scenes, participants, runs and files."""
 
 import contextlib
+import shlex
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,15 +11,19 @@ from typing import Any
 import numpy as np
 
 from master import restart
-from master.coupling import Coupling
-from master.exchange import ORDERS
-from master.job import Job
-from master.participants import FmuParticipant, InProcessParticipant, Participant
+from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.equilibrium import Coupling
+from master.coupling.exchange import ORDERS
+from master.coupling.participants import FmuParticipant, InProcessParticipant, Participant
+from master.coupling.participants.zero_loads import ZeroLoads
+from master.coupling.run import Run, coupled_run
+from master.coupling.schemes import SCHEMES, scheme
 from master.report import (
     RESULTS,
     missing_libraries,
     print_table,
     print_written,
+    summary,
     versions,
     wing_results,
     write_history,
@@ -25,12 +31,15 @@ from master.report import (
     write_report,
     write_state,
 )
+from master.report.console import EXIT_CONVERGED, EXIT_NOT_CONVERGED
 from master.report.live import progress
-from master.run import EXIT_CONVERGED, EXIT_NOT_CONVERGED, Run, coupled_run, summary
-from master.schemes import SCHEMES, scheme
-from master.still_air import StillAir
+from master.restart import Job
 
 BACKENDS = ("fmu", "in-process")
+OTHER_BINARY = (
+    "kitecosim: note: FMUs built here carry PythonFMU's binary, as that of kitecosim was not compiled when it was "
+    "installed (is there a C compiler?); a C or C++ host needs the variables of `kitecosim host-env --preload`."
+)
 
 
 def run_scene(
@@ -38,13 +47,13 @@ def run_scene(
     choices: dict[str, Any],
     assigned: dict[str, str],
     out: Path | None,
-    files: restart.Files = restart.NO_FILES,
+    files: Files = NO_FILES,
     live: bool = False,
     motion: dict[str, Any] | None = None,
 ) -> int:
     """Run a scene, print its table, write its files; the exit code.
 
-    `motion` are stop_time s, step s and the path inputs for a scene in motion, None what it says itself.
+    `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself.
     """
     import scenes
 
@@ -58,19 +67,19 @@ def run_scene(
     scene, given = prepared(name, built)
     if motion and not scene.moves:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
-        raise ValueError(f"{option} is for scenes in motion; scene '{name}' is one of equilibria.")
+        raise ValueError(f"{option} is for transient scenes; scene '{name}' is quasi-static.")
     out = out or Path("results") / scene.name
     results_folder(out)
     job = Job(scene, given, choices, out, files, assigned, kept)
     if scene.moves:
-        from master.transient.command import run_moving
+        from master.transient import run_transient
 
-        return run_moving(job, opened(scene, choices["backend"], given, out), live, **motion)
-    return _run_equilibrium(job, live, begin)
+        return run_transient(job, opened(scene, choices["backend"], given, out), live, **motion)
+    return _run_quasi_static(job, live, begin)
 
 
-def _run_equilibrium(job: Job, live: bool, begin: float) -> int:
-    """Run a scene of equilibria; the exit code."""
+def _run_quasi_static(job: Job, live: bool, begin: float) -> int:
+    """Run a quasi-static scene; the exit code."""
     scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
@@ -82,10 +91,10 @@ def _run_equilibrium(job: Job, live: bool, begin: float) -> int:
             options["search"], remarks = restart.resumed(files.restart, coupling, used, job.about, job.assigned)
             remarks += job.remembered
         job.clear(RESULTS)
-        keeper = restart.Keeper(files.checkpoint, files.every, coupling, used, job.about)
-        run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=keeper, **options)
+        writer = restart.CheckpointWriter(files.checkpoint, files.every, coupling, used, job.about)
+        run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=writer, **options)
         if run.status in ("converged", "statically_unstable"):
-            keeper.end(run.result)
+            writer.end(run.result)
     run.remarks.extend(remarks + _hints(scene, given, run))
     _write(job, run, ready - begin)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
@@ -162,7 +171,7 @@ def list_scenes(name: str | None = None) -> int:
         print(f"  interface: {len(scene.interface.nodes)} nodes, {len(scene.interface.panels)} panels")
         if scene.dynamics is not None:
             stop = scene.dynamics.stop_time
-            print(f"  in motion: to {stop:g} s in communication steps of {scene.communication_step:g} s")
+            print(f"  transient: to {stop:g} s in communication steps of {scene.communication_step:g} s")
         for key, option in scene.offers.items():
             choices = f" ({' | '.join(option.options)})" if option.options else ""
             print(f"  setting   {key} = {option.default}{choices}  {option.description}")
@@ -175,6 +184,43 @@ def list_scenes(name: str | None = None) -> int:
                     start = "found for wind and weight," if v.name == "trim_angle" else start
                     unit = "" if v.unit == "1" else f" {v.unit}"
                     print(f"  parameter {v.name} = {start}{unit}  {v.description}")
+    return 0
+
+
+def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False, fmi: int = 2) -> int:
+    """Build the two FMUs of a scene, and its SSP if wanted; the exit code."""
+    from fmus.builder import build, own_binary
+    from fmus.ssp import package
+
+    if ssp and fmi != 2:
+        raise ValueError("--ssp connects FMUs of FMI 2; leave --fmi out.")
+    scene, given = prepared(name, assigned)
+    results_folder(out)
+    mark = "_fmi3" if fmi == 3 else ""
+    names = [f"{scene.name}{end}" for end in (f"_structural{mark}.fmu", f"_aero{mark}.fmu", *([".ssp"] if ssp else []))]
+    if folders := [n for n in names if (out / n).is_dir()]:
+        raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
+    try:
+        paths = build(scene, out, given, fmi=fmi)
+        for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
+            print(path)
+        if own_binary() is None:
+            print(OTHER_BINARY, file=sys.stderr)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ValueError(f"--out {out} cannot be written to ({reason}); name another one.") from None
+    return 0
+
+
+def print_host_environment(preload: bool) -> int:
+    """Print what a host without Python needs in its environment, as lines of a shell."""
+    from fmus.builder import own_binary
+    from fmus.host import host_environment
+
+    for name, value in host_environment(preload).items():
+        print(f"export {name}={shlex.quote(value)}")
+    if own_binary() is None and not preload:
+        print(OTHER_BINARY, file=sys.stderr)
     return 0
 
 
@@ -261,9 +307,9 @@ def opened(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> I
 
 @contextlib.contextmanager
 def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
-    """The two participants of a scene of equilibria, coupled; they are closed at the end."""
+    """The two participants of a quasi-static scene, coupled; they are closed at the end."""
     if backend != "fmu":
         yield Coupling.in_process(scene, parameters)
         return
     with opened(scene, backend, parameters, out) as sides:
-        yield Coupling(sides["structural"], sides.get("aero") or StillAir.beside(sides["structural"]))
+        yield Coupling(sides["structural"], sides.get("aero") or ZeroLoads.beside(sides["structural"]))

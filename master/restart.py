@@ -1,44 +1,62 @@
-"""Runs of scenes that are kept and gone on with: what is written when, and what a restart may change."""
+"""Checkpoint and restart of runs of scenes: what is written when, and what a restart may change."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from master import checkpoint
-from master.acceleration import Scheme
-from master.acceleration.scheme import adopt
-from master.blocks import assignment_text
-from master.coupling import CoupledResult, Coupling
-from master.exchange import Exchange
-from master.march import March
-from master.recovery import Warmth
-from master.steady import Search
+import numpy as np
+
+from master.coupling import checkpoint
+from master.coupling.acceleration import Scheme
+from master.coupling.acceleration.scheme import adopt
+from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.equilibrium import CoupledResult, Coupling
+from master.coupling.exchange import Exchange, StateSnapshot
+from master.coupling.march import March
+from master.coupling.participants.blocks import assignment_text
+from master.coupling.steady import Search
 
 
-@dataclass(frozen=True)
-class Files:
-    """Where a run keeps a checkpoint, after how many coupling iterations (through time: steps) each, and which one it
-    goes on from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, the
+    checkpoints, the texts `assigned` on the command line, and what a restart has `kept` besides.
     """
 
-    checkpoint: Path | None = None
-    every: int = 1
-    restart: Path | None = None
+    scene: Any
+    given: dict[str, Any]
+    choices: dict[str, Any]
+    out: Path
+    files: Files = NO_FILES
+    assigned: dict[str, str] = field(default_factory=dict)
+    kept: list[str] = field(default_factory=list)
 
-    def __post_init__(self) -> None:
-        if self.every < 1:
-            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
-        if self.checkpoint is not None and self.checkpoint.is_dir():
-            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
-        if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
-            raise ValueError(
-                f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
-            )
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a checkpoint says of the run."""
+        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
+        return {**scene, "parameters": _plain(self.given), **self.choices}
+
+    def clear(self, names: Iterable[str]) -> None:
+        """Remove files of these names, and FMUs that this run has not built: what stands in the folder is never of an
+        earlier run. Called when all input is known to be good.
+        """
+        for name in names:
+            (self.out / name).unlink(missing_ok=True)
+        for side in ("structural", "aero") if self.choices["backend"] == "in-process" else ():
+            (self.out / "fmus" / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
+
+    @property
+    def remembered(self) -> list[str]:
+        """A remark on what a restart has from its checkpoint."""
+        return [f"as in the checkpoint: {', '.join(self.kept)}"] if self.kept else []
 
 
-NO_FILES = Files()
+def _plain(given: dict[str, Any]) -> dict[str, Any]:
+    """Parameters as numbers and lists, to be compared and written."""
+    return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
 def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]) -> dict[str, str]:
@@ -61,7 +79,7 @@ def _require_same(path: Path, was: Mapping[str, Any], **now: str) -> None:
             raise ValueError(f"checkpoint {path} is of {key} {was.get(key)}, this run of {mine}; {remedy}.")
 
 
-class Keeper:
+class CheckpointWriter:
     """Writes the checkpoints of a coupled solve; without a path none."""
 
     def __init__(
@@ -70,22 +88,22 @@ class Keeper:
         self._path, self._every, self._about = path, every, about
         self._coupling, self._scheme = coupling, scheme
 
-    def __call__(self, search: Search, warmth: Warmth) -> None:
+    def __call__(self, search: Search, snapshot: StateSnapshot) -> None:
         """Before a coupling iteration."""
         if self._path is not None and len(search.history) % self._every == 0:
             about = {**self._about, "coupling_iterations": len(search.history), "status": "under way"}
-            checkpoint.write(self._path, about, checkpoint.of_search(self._coupling, self._scheme, search, warmth))
+            checkpoint.write(self._path, about, checkpoint.dump_search(self._coupling, self._scheme, search, snapshot))
 
     def end(self, result: CoupledResult) -> None:
         """After a solve that converged: another wind or tolerance may begin from here."""
         if self._path is not None:
             about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
             ended = Search(self._about["order"], self._coupling.present(self._about["order"]), history=result.history)
-            checkpoint.write(self._path, about, checkpoint.of_search(self._coupling, self._scheme, ended, None))
+            checkpoint.write(self._path, about, checkpoint.dump_search(self._coupling, self._scheme, ended, None))
 
 
-class StepKeeper:
-    """Writes the checkpoints of a run through time: every so many communication steps, and at its end."""
+class StepCheckpointWriter:
+    """Writes the checkpoints of a transient run: every so many communication steps, and at its end."""
 
     def __init__(self, files: Files, stop_time: float, about: Mapping[str, Any]) -> None:
         self._files, self._stop, self._about = files, stop_time, about
@@ -95,10 +113,10 @@ class StepKeeper:
         last = exchange.time > self._stop - 0.5 * exchange.dt
         if self._files.checkpoint is not None and (last or len(march.steps) % self._files.every == 0):
             about = {**self._about, "time": exchange.time, "steps": len(march.steps)}
-            checkpoint.write(self._files.checkpoint, about, checkpoint.of_march(exchange, scheme, march))
+            checkpoint.write(self._files.checkpoint, about, checkpoint.dump_march(exchange, scheme, march))
 
 
-# What may change without ending the loop under way: it only says how long to go on and what to do afterwards.
+# What may change without ending the loop under way: it only says how long to continue and what to do afterwards.
 HARMLESS = ("max_iterations", "stability", "report")
 
 
@@ -133,22 +151,22 @@ def _give(exchange: Exchange, now: Mapping[str, Any], names: list[str]) -> None:
 def resumed_march(
     path: Path, exchange: Exchange, scheme: Scheme | None, about: Mapping[str, Any], chosen: Mapping[str, Any]
 ) -> tuple[March, str]:
-    """Where a run through time goes on from a checkpoint, and a remark on what is different now.
+    """Where a transient run continues from a checkpoint, and a remark on what is different now.
 
-    With the settings as they were it goes on bitwise as if it had not stopped; scheme, tolerances, stop time and
+    With the settings as they were it continues bitwise as if it had not stopped; scheme, tolerances, stop time and
     tunable parameters among the `chosen` may be others. ValueError as for `resumed`.
     """
     was, content = checkpoint.read(path)
     now = json.loads(json.dumps(dict(about), default=str))
     given = _changed(path, was, now, chosen, exchange)
     try:
-        begun = checkpoint.march_of(exchange, content, scheme)
+        begun = checkpoint.load_march(exchange, content, scheme)
         begun.require_fields(exchange, about["order"])
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     _give(exchange, now, given)
     changed = [k for k in ("scheme", "tolerance", "communication_step") if now.get(k) != was.get(k)]
-    remark = f"went on from {path.name} at {was['time']:g} s"
+    remark = f"restarted from {path.name} at {was['time']:g} s"
     for key in changed:
         remark += f", {key} {was.get(key)} -> {now[key]}"
     for name in given:
@@ -159,9 +177,9 @@ def resumed_march(
 def resumed(
     path: Path, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any], chosen: Mapping[str, Any]
 ) -> tuple[Search, list[str]]:
-    """Where a coupled solve goes on from a checkpoint, and a remark on what is different now.
+    """Where a coupled solve continues from a checkpoint, and a remark on what is different now.
 
-    With the settings as they were the loop goes on bitwise as if it had not stopped. With others (scheme, tolerances,
+    With the settings as they were the loop continues bitwise as if it had not stopped. With others (scheme, tolerances,
     tunable parameters among the `chosen`) a new loop begins at the shape and with the solvers' states of the
     checkpoint, and with its quasi-Newton history where the scheme is of the same kind. ValueError in one sentence for
     a checkpoint of another scene, with other settings of it or of the other backend, and for a fixed parameter that
@@ -171,21 +189,21 @@ def resumed(
     now = json.loads(json.dumps(dict(about), default=str))
     given = _changed(path, was, now, chosen, coupling)
     try:
-        search = checkpoint.search_of(coupling, content)
+        search = checkpoint.load_search(coupling, content)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
-    remark = f"went on from {path.name} after {was['coupling_iterations']} coupling iterations"
+    remark = f"restarted from {path.name} after {was['coupling_iterations']} coupling iterations"
     if not changed and not given and search.loop is not None:
         return search, [remark]
     if search.best is not None:
-        coupling.freed(search.best[0])
+        coupling.free(search.best[0])
     _give(coupling, now, given)
     for key in changed:
         remark += f", {key} {was.get(key)} -> {now[key]}"
     for name in given:
         remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
-    remark += "; coupling iterations are counted anew"
+    remark += "; coupling iterations are counted from 1 again"
     remark += "" if adopted else ", without the history of another scheme"
     return Search(about["order"], coupling.present(about["order"])), [remark]

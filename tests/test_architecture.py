@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("interface", "structural", "aero", "scenes", "fmus", "master")
-COMMAND_LINE = ("master.cli", "master.commands", "master.building", "master.__main__")
+COMMAND_LINE = ("master.cli", "master.commands", "master.__main__")
 LONGEST_FUNCTION = 60  # lines of its body; a module is as long as its subject
 STANDARD_LIBRARY = sys.stdlib_module_names | {"__future__"}
 
@@ -22,6 +22,29 @@ NEIGHBOURS = {
     "scenes": {"interface", "structural", "aero"},
     "fmus": {"interface", "scenes"},
     "master": {"interface"},
+}
+# The rooms within master: packages and modules that belong to each (the longest name that fits decides), and what each
+# may import of the others, anywhere in a module.
+MASTER_ROOMS = {
+    "participants": {"master.coupling.participants"},
+    "acceleration": {"master.coupling.acceleration"},
+    "coupling": {"master.coupling"},
+    "report": {"master.report"},
+    "fmu_coupling": {"master.fmu_coupling"},
+    "commands": {"master.commands", "master.transient", "master.restart"},
+    "studies": {"master.studies"},
+    "cli": {"master.cli", "master.__main__", "master.moved"},  # and master itself
+}
+LEAVES = {"participants", "acceleration"}  # of coupling; who may import it may import them
+MASTER_NEIGHBOURS = {
+    "participants": set(),
+    "acceleration": set(),
+    "coupling": {"participants", "acceleration"},
+    "report": {"coupling"},
+    "fmu_coupling": {"coupling", "report"},
+    "commands": {"coupling", "report"},
+    "studies": {"coupling", "report", "commands"},
+    "cli": {"coupling", "fmu_coupling", "commands", "studies"},
 }
 # What a room may import from outside at module level, that is, whenever it is loaded.
 THIRD_PARTY = {
@@ -41,27 +64,33 @@ ON_DEMAND = ("matplotlib", "meshio", "jinja2", "numba", "rich", "typer")
 
 @dataclass(frozen=True)
 class Import:
-    """One imported module: its top-level package, where it stands, and whether loading the module loads it."""
+    """One import: what it names (a module, or a name in one), where it stands, whether loading the module loads it."""
 
-    package: str
+    name: str
     line: int
     at_load: bool
 
+    @property
+    def package(self):
+        """The top-level package."""
+        return self.name.partition(".")[0]
 
-def _packages(node, package):
-    """Top-level packages that a statement or a call imports; `package` (dotted) resolves relative imports."""
+
+def _names(node, package):
+    """Dotted names that a statement or a call imports; `package` (dotted) resolves relative imports."""
     match node:
         case ast.Import(names=names):
-            return [name.name.partition(".")[0] for name in names]
-        case ast.ImportFrom(module=module, level=0):
-            return [module.partition(".")[0]]
-        case ast.ImportFrom(module=module, level=level):
+            return [name.name for name in names]
+        case ast.ImportFrom(module=module, level=0, names=names):
+            return [f"{module}.{name.name}" for name in names]
+        case ast.ImportFrom(module=module, level=level, names=names):
             above = package.split(".")[: len(package.split(".")) - level + 1]
-            return [above[0]] if above else [(module or "").partition(".")[0]]
+            base = ".".join([*above, *([module] if module else [])])
+            return [f"{base}.{name.name}" for name in names]
         case ast.Call(func=ast.Name(id="import_module" | "__import__"), args=[ast.Constant(value=str(name)), *_]):
-            return [name.partition(".")[0]]
+            return [name]
         case ast.Call(func=ast.Attribute(attr="import_module"), args=[ast.Constant(value=str(name)), *_]):
-            return [name.partition(".")[0]]
+            return [name]
     return []
 
 
@@ -74,7 +103,7 @@ def imports(source, package="room"):
     found = []
 
     def walk(node, at_load):
-        found.extend(Import(name, node.lineno, at_load) for name in _packages(node, package))
+        found.extend(Import(name, node.lineno, at_load) for name in _names(node, package))
         lazy = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
         body_only = node.body if lazy or _is_type_checking(node) else []
         inside = set(map(id, body_only if isinstance(body_only, list) else [body_only]))
@@ -166,6 +195,41 @@ def test_loading_a_room_loads_no_other_room_and_nothing_that_draws_shows_or_comp
     loaded = set(done.stdout.split())
     assert not loaded.intersection(ON_DEMAND)
     assert {room} <= loaded.intersection(ROOMS) <= {room} | NEIGHBOURS[room]
+
+
+def master_room(name):
+    """The rooms within master that a dotted name belongs to, one if all is well."""
+    fits = {
+        len(of): room for room, members in MASTER_ROOMS.items() for of in members if f"{name}.".startswith(f"{of}.")
+    }
+    return fits[max(fits)] if fits else "cli" if name == "master" else None
+
+
+def test_every_module_of_master_is_in_one_room_within_it():
+    homeless = [name for name in modules("master") if master_room(name) is None]
+    assert not homeless, f"name a room within master for {homeless}"
+    assert {master_room(name) for name in modules("master")} == set(MASTER_ROOMS)
+    members = [name for names in MASTER_ROOMS.values() for name in names]
+    assert len(members) == len(set(members))
+    assert set(members) <= set(modules("master"))
+
+
+def test_imports_within_master_run_one_way():
+    wrong = []
+    for name, place, found in room_imports("master"):
+        own, other = master_room(name), (master_room(found.name) or "cli") if found.package == "master" else None
+        allowed = {own} | MASTER_NEIGHBOURS[own]
+        allowed |= LEAVES if "coupling" in allowed else set()
+        if other is not None and other not in allowed:
+            wrong.append(f"{place}: {own} imports {found.name} of {other}")
+    assert not wrong, wrong
+
+
+def test_the_rooms_within_master_have_no_circle():
+    left = dict(MASTER_NEIGHBOURS)
+    while free := [room for room, to in left.items() if not to & left.keys()]:
+        left = {room: to for room, to in left.items() if room not in free}
+    assert not left, f"arrows run in a circle: {left}"
 
 
 def functions(tree):

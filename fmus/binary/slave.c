@@ -167,8 +167,8 @@ static void deliver_messages(Slave *slave)
             py.clear_error();
     }
     if (messages == NULL)
-        say_raised(slave);
-    py.release(messages);
+        report_exception(slave);
+    py.decref(messages);
 }
 
 /* Ends a call with the reference `result`, which goes to `returned`, or is released where that is NULL or an exception

@@ -11,11 +11,11 @@ import numpy as np
 
 from master.report.console import print_table, print_written
 from master.report.state import final_state, status_text
-from master.report.tables import result_rows, versions, write_history, write_json, write_state, write_whole
+from master.report.tables import result_rows, summary, versions, write_history, write_json, write_state, write_whole
 from master.report.wing import wing_results
 
 if TYPE_CHECKING:
-    from master.run import Run
+    from master.coupling.run import Run
 
 __all__ = [
     "RESULTS",
@@ -24,6 +24,7 @@ __all__ = [
     "print_table",
     "print_written",
     "result_rows",
+    "summary",
     "versions",
     "wing_results",
     "write_history",
@@ -71,9 +72,9 @@ def missing_libraries() -> str:
 
 
 def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, Any]) -> list[str]:
-    """Write plots (PNG, SVG), VTK files and report.html of a `run` (`master.run.coupled_run`) of `scene`; their names.
+    """Write plots (PNG, SVG), VTK files and report.html of a `run` (see `coupled_run`) of `scene`; their names.
 
-    `content` is `master.run.summary(run, settings)`, with "versions" if the page shall name them. What the scene lacks
+    `content` is `summary(run, settings)`, with "versions" if the page shall name them. What the scene lacks
     is left out. ModuleNotFoundError with the sentence of `missing_libraries` where they are not installed.
     """
     sentence = missing_libraries()

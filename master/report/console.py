@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 from master.report.tables import result_rows
 
 if TYPE_CHECKING:
-    from master.run import Run
+    from master.coupling.run import Run
+
+EXIT_CONVERGED, EXIT_NOT_CONVERGED = 0, 1  # of the commands that solve
 
 
 def print_table(scene: Any, run: "Run", content: dict[str, Any]) -> None:

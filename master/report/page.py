@@ -1,26 +1,27 @@
 """The page report.html: everything that a run found and was given, in one file that needs no other."""
 
-from collections.abc import Iterable
+import base64
+from collections.abc import Iterable, Mapping
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from master.report.html import html
 from master.report.state import FinalState, Frame, status_text
 from master.report.tables import result_rows
 from master.report.wing import TubeState
 
 if TYPE_CHECKING:
-    from master.run import Run
+    from master.coupling.run import Run
 
 # Options of a run: unit and meaning.
 OPTIONS = {
     "scheme": ("", "coupling scheme"),
     "backend": ("", "fmu: the two FMUs; in-process: the same solvers without them"),
-    "relaxation": ("1", "factor of relaxation; first factor of aitken and iqn-ils (none: the scheme's own)"),
+    "relaxation": ("1", "relaxation factor; initial factor of aitken and iqn-ils (none: the scheme's own)"),
     "tolerance": ("m", "interface residual that counts as converged, 2-norm over all interface nodes"),
     "force_tolerance": ("N", "out-of-balance force that counts as converged, 2-norm over all free directions"),
-    "max_iterations": ("1", "most coupling iterations"),
+    "max_iterations": ("1", "maximum number of coupling iterations"),
     "stability": ("", "whether the static stability of the equilibrium is judged"),
     "report": ("", "whether plots, VTK files and this page are written"),
 }
@@ -68,6 +69,26 @@ def page(
         result=result_rows(scene, run, content),
         tables=[table for table in tables if table["rows"]],
     )
+
+
+def html(package: str, template: str, figures: Mapping[str, tuple[str, bytes]], **values: Any) -> str:
+    """A page from a template file of a package, which may import the macros of parts.html.
+
+    `figures` maps names to captions and SVG files; the template gets them embedded, and the `values` by their names.
+    """
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    def source(name: str, of: str = "master.report") -> str:
+        return files(of).joinpath(name).read_text(encoding="utf-8")
+
+    embedded = [
+        {"name": name, "caption": caption, "data": base64.b64encode(svg).decode("ascii")}
+        for name, (caption, svg) in figures.items()
+    ]
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, loader=FunctionLoader(source)
+    )
+    return environment.from_string(source(template, package)).render(figures=embedded, **values)
 
 
 def cell(value: Any) -> tuple[str, bool]:

@@ -1,4 +1,4 @@
-"""What a run through time leaves while it goes on: rows of a CSV file, and curves for its plots."""
+"""What a transient run writes as it advances: rows of a CSV file, and curves for its plots."""
 
 import csv
 import os

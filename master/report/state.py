@@ -8,7 +8,7 @@ import numpy as np
 from master.report.wing import TubeState, canopy_springs, tube_state
 
 if TYPE_CHECKING:
-    from master.run import Run
+    from master.coupling.run import Run
 
 
 LOOSE = 0.01  # of the largest line tension: below it a line holds little more than its own weight and the wind on it

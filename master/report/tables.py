@@ -5,6 +5,7 @@ import io
 import json
 import os
 import platform
+from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from master.report.state import loose_lines
 from master.report.wing import wing_rows
 
 if TYPE_CHECKING:
-    from master.run import Run
+    from master.coupling.run import Run
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -131,6 +132,55 @@ def plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     return value
+
+
+def summary(run: "Run", settings: dict[str, Any]) -> dict[str, Any]:
+    """The content of summary.json; `settings` is what the caller chose (scene, scheme, backend, parameters, ...)."""
+    result = run.result
+    seconds = result.seconds
+    judged = run.stability
+    return {
+        "scene": settings["scene"],
+        "scheme": settings["scheme"],
+        "backend": settings["backend"],
+        "status": run.status,
+        "message": run.message,
+        "coupling_iterations": result.iterations,
+        "residual": result.residual,
+        "residual_N": result.residual_N,
+        "first_residual": result.history[0]["residual_m"],
+        "statically_stable": None if judged is None else judged.statically_stable,
+        "stability": None
+        if judged is None
+        else {
+            "eigenvalue": judged.eigenvalue,
+            "evaluations": judged.evaluations,
+            "symmetric_motions_only": judged.symmetric_only,
+        },
+        "recoveries": [asdict(r) for r in result.recoveries],
+        "remarks": run.remarks,
+        "solver_calls": {"structural": run.evaluations, "aero": run.evaluations},
+        "wall_time_s": {
+            "total": seconds["total"],
+            "structural": seconds["structural"],
+            "aero": seconds["aero"],
+            "master": seconds["total"] - seconds["structural"] - seconds["aero"],
+            "stability": seconds.get("stability", 0.0),
+        },
+        "outputs": _small_outputs(run),
+        "settings": settings,
+    }
+
+
+def _small_outputs(run: "Run") -> dict[str, Any]:
+    """Scalar and vector outputs by name; a name that both participants have carries the participant's in front."""
+    out = {}
+    for label, other in (("aero", "structural"), ("structural", "aero")):
+        for block, values in run.blocks[label].items():
+            if run.causality[label][block] == "output" and values.shape in ((), (3,)):
+                shared = run.causality[other].get(block) == "output"
+                out[f"{label}.{block}" if shared else block] = values
+    return out
 
 
 def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[str, str]]:

@@ -14,18 +14,18 @@ import pytest
 from typer.testing import CliRunner
 
 import aero.methods
-import master.acceleration
+import master.coupling.acceleration
 import scenes
 from interface import mirror_permutation
 from master import IQNILS, fixed_point
 from master.cli import app
 from master.coupling import Coupling, solve
-from master.schemes import SCHEMES, kinds
+from master.coupling.schemes import SCHEMES, kinds
 from structural import Assembly, FaceLoad, Faces, Loads, LoadSensitivity, Structure, equilibrium
 from structural.dynamics import GeneralisedAlpha, Motion, integrate
 from tests.docs.pages import DOCS, checked, give_files
 from tests.structural.models import MIRROR, TANGENT_TOLERANCE, central_difference, residual_of
-from tests.test_architecture import COMMAND_LINE_LAZY_ROOMS, NEIGHBOURS
+from tests.test_architecture import COMMAND_LINE_LAZY_ROOMS, MASTER_NEIGHBOURS, NEIGHBOURS
 
 PAGE = DOCS / "architecture.md"
 
@@ -36,7 +36,10 @@ def toys(tmp_path, monkeypatch):
     give_files(PAGE, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path / "structural/elements")])
-    for package, folder in ((aero.methods, "aero/methods"), (master.acceleration, "master/acceleration")):
+    for package, folder in (
+        (aero.methods, "aero/methods"),
+        (master.coupling.acceleration, "master/coupling/acceleration"),
+    ):
         monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path / folder)])
     before = set(sys.modules)
     yield tmp_path
@@ -46,9 +49,11 @@ def toys(tmp_path, monkeypatch):
 
 
 def test_the_drawing_has_the_arrows_that_the_code_may_have():
-    drawn = re.findall(r"^ +(\w+) (-->|-\.)(?: .*?\.->)? (\w+)$", PAGE.read_text(), re.MULTILINE)
+    drawings = re.findall(r"```mermaid\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    drawn, within = (re.findall(r"^ +(\w+) (-->|-\.)(?: .*?\.->)? (\w+)$", text, re.MULTILINE) for text in drawings)
     assert {(a, b) for a, kind, b in drawn if kind == "-->"} == {(a, b) for a, to in NEIGHBOURS.items() for b in to}
     assert {b for a, kind, b in drawn if kind == "-."} == COMMAND_LINE_LAZY_ROOMS
+    assert {(a, b) for a, _, b in within} == {(a, b) for a, to in MASTER_NEIGHBOURS.items() for b in to}
 
 
 def test_what_the_page_runs_prints_what_it_says(toys):

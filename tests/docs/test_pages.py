@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 import scenes
-from master import schemes
-from master.foreign.document import Member
-from master.foreign.settings import Settings
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, schemes
+from master.fmu_coupling.document import Member
+from master.fmu_coupling.settings import Settings
 from scenes.readers.description import known_keys
 from scenes.schema import SECTIONS
 from tests.docs.pages import DOCS, blocks, checked, give_files

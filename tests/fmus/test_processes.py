@@ -151,7 +151,7 @@ def test_two_instances_of_each_kind_do_not_see_each_other(scene_paths):
 LATE = """
 import sys
 from pathlib import Path
-from master.participants import FmuParticipant
+from master.coupling import FmuParticipant
 {first}
 with FmuParticipant(sys.argv[1]) as structural:
     structural.step(0.0, 1.0)

@@ -15,8 +15,7 @@ import numpy as np
 
 import scenes
 from fmus.description import scalar_names
-from master.coupling import Coupling, solve
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, Coupling, solve
 
 SCENE, WIND = "v3_kite", 12.0  # m/s, where the explicit scheme settles
 STEPS = 60  # communication steps of 1 s; in either order the pair is at rest after 39 or fewer

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from master.coupling import Coupling, solve
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, Coupling, solve
 from tests.interop import reference
 
 

@@ -2,23 +2,23 @@
 
 import pytest
 
-from tests.master.foreign import FLUID, WALL, python_fmu, wheel_fmu
+from tests.master.toy_fmus import FLUID, WALL, python_fmu, wheel_fmu
 
 
 @pytest.fixture(scope="session")
-def foreign(tmp_path_factory):
+def toy_fmus(tmp_path_factory):
     """The folder with wall.fmu and fluid.fmu."""
-    folder = tmp_path_factory.mktemp("foreign")
+    folder = tmp_path_factory.mktemp("toy_fmus")
     python_fmu("wall", WALL, folder, canGetAndSetFMUstate=True)
     python_fmu("fluid", FLUID, folder)
     return folder
 
 
 @pytest.fixture(scope="session")
-def with_wheel(foreign):
+def with_wheel(toy_fmus):
     """The same folder with wheel.fmu too."""
-    wheel_fmu(foreign)
-    return foreign
+    wheel_fmu(toy_fmus)
+    return toy_fmus
 
 
 @pytest.fixture(scope="session")

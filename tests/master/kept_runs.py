@@ -2,8 +2,7 @@
 
 from benchmarks.problems import in_process
 from master import restart
-from master.coupling import solve
-from master.schemes import scheme
+from master.coupling import scheme, solve
 
 CASES = {
     "section": ("typical_section", {"wind_speed": 15.0}),
@@ -34,10 +33,10 @@ def begun(name, path, at, method="iqn-ils", order="serial"):
     """A solve that is interrupted right after the checkpoint before coupling iteration `at` (counted from 0)."""
     coupling = in_process(CASES[name][0], **CASES[name][1])
     used = scheme(method, coupling, order)
-    keeper = restart.Keeper(path, 1, coupling, used, about(name, coupling, scheme=method, order=order))
+    keeper = restart.CheckpointWriter(path, 1, coupling, used, about(name, coupling, scheme=method, order=order))
 
-    def hold(search, warmth):
-        keeper(search, warmth)
+    def hold(search, snapshot):
+        keeper(search, snapshot)
         if len(search.history) == at:
             raise Interrupted
 

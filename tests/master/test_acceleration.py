@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.reference_problems import AddedMass, BadlyScaledFields, Linear, Tube
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation
-from master.fixed_point import fixed_point
+from master.coupling.acceleration import IQNILS, Aitken, ConstantRelaxation
+from master.coupling.fixed_point import fixed_point
 
 
 def march(problem, scheme, steps, parallel=False, **options):

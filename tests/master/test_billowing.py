@@ -9,15 +9,13 @@ import pytest
 from matplotlib.text import Text
 
 import scenes
-from master.coupling import Coupling
-from master.report import RESULTS, final_state, result_rows, write_report, write_state
+from master.coupling import SCHEMES, Coupling, coupled_run
+from master.report import RESULTS, final_state, result_rows, summary, write_report, write_state
 from master.report.billowing import billowing_figure
 from master.report.page import _structure, _tubes
 from master.report.sections import normals, sections, strut_columns, wing_sections
 from master.report.shape import shape_figure
 from master.report.wing import largest, wing_results, wing_rows
-from master.run import coupled_run, summary
-from master.schemes import SCHEMES
 
 
 @pytest.fixture(scope="module")

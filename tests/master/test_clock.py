@@ -1,16 +1,15 @@
-"""An exchange has one clock: it counts, goes on after a restart, and goes back with the best point."""
+"""An exchange has one clock: it counts, continues after a restart, and goes back with the best point."""
 
 import pickle
 
 import numpy as np
 import pytest
 
-from master import IQNILS, checkpoint
-from master.coupling import Coupling
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.recovery import Warmth
-from master.steady import Search
+from master import IQNILS
+from master.coupling import Coupling, checkpoint
+from master.coupling.exchange import Connection, Exchange, StateSnapshot
+from master.coupling.march import march
+from master.coupling.steady import Search
 from tests.master.toys import Mass, Spring
 
 
@@ -23,14 +22,14 @@ def oscillator(dt, order=("f", "x")):
 def kept(exchange, stop, order="serial"):
     contents = []
     march(exchange, None, stop, order, hold=lambda now: contents.append(
-        pickle.dumps(checkpoint.of_march(exchange, None, now))
+        pickle.dumps(checkpoint.dump_march(exchange, None, now))
     ))  # fmt: skip
     return pickle.loads(contents[-1])
 
 
 def test_times_after_a_restart_with_another_step_are_counted_from_there():
     exchange = oscillator(0.001)
-    begun = checkpoint.march_of(exchange, kept(oscillator(0.1), 0.3))
+    begun = checkpoint.load_march(exchange, kept(oscillator(0.1), 0.3))
     result = march(exchange, None, 3.3, begun=begun)
     begin = 3 * 0.1
     assert result.steps.times.tolist() == [0.1, 0.2, begin, *(begin + k * 0.001 for k in range(1, 3001))]
@@ -46,13 +45,13 @@ def test_the_best_point_in_a_checkpoint_has_its_own_time(evaluations):
     coupling = made()
     x = coupling.present()
     coupling.evaluate(x)
-    warmth = Warmth(coupling)  # the best point, after one evaluation
+    snapshot = StateSnapshot(coupling)  # the best point, after one evaluation
     for _ in range(evaluations):
         coupling.evaluate(x)
     search = Search("serial", x)
-    content = pickle.loads(pickle.dumps(checkpoint.of_search(coupling, IQNILS(), search, warmth)))
+    content = pickle.loads(pickle.dumps(checkpoint.dump_search(coupling, IQNILS(), search, snapshot)))
     again = made()
-    best = Warmth(again, checkpoint.search_of(again, content).best)
+    best = StateSnapshot(again, checkpoint.load_search(again, content).best)
     assert again.time == 1.0 + evaluations
     best.restore()
     assert again.time == 1.0
@@ -61,11 +60,11 @@ def test_the_best_point_in_a_checkpoint_has_its_own_time(evaluations):
 def test_a_march_with_connections_in_another_sequence_is_refused_and_not_mixed_up():
     content = kept(oscillator(0.1), 0.3, "parallel")
     other = oscillator(0.1, ("x", "f"))  # as many unknowns of one size, in another sequence
-    begun = checkpoint.march_of(other, content)
+    begun = checkpoint.load_march(other, content)
     with pytest.raises(ValueError, match=r"has the unknowns spring\.f, mass\.x, but .* mass\.x, spring\.f here; .*\.$"):
         march(other, None, 0.5, "parallel", begun=begun)
     same = oscillator(0.1)
-    rest = march(same, None, 0.5, "parallel", begun=checkpoint.march_of(same, content))
+    rest = march(same, None, 0.5, "parallel", begun=checkpoint.load_march(same, content))
     assert np.array_equal(rest.x, march(oscillator(0.1), None, 0.5, "parallel").x)
 
 

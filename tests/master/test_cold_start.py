@@ -2,11 +2,14 @@
 
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import master
+from master.coupling import SCHEMES
+from master.moved import MOVED
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = {"structural", "aero", "scenes", "fmus"}
@@ -70,12 +73,12 @@ def test_the_package_alone_loads_no_numpy_and_a_fixed_point_needs_nothing_else()
     "first",
     [
         "",
-        "import master.fixed_point",
-        "import master.acceleration",
+        "import master.coupling.fixed_point",
+        "import master.coupling.acceleration",
         "import master.coupling",
-        "from master.fixed_point import FixedPointResult",
+        "from master.coupling.fixed_point import FixedPointResult",
         "import master; master.FixedPointResult",
-        "import master.fixed_point as f; assert callable(f)",
+        "import master.fixed_point as f; assert callable(f)",  # its name in releases up to 0.1
     ],
 )
 def test_the_public_names_are_the_same_objects_whichever_module_was_loaded_first(first):
@@ -87,11 +90,42 @@ def test_the_public_names_are_the_same_objects_whichever_module_was_loaded_first
         "import master, sys\n"
         "from master import *\n"
         "from master import fixed_point as f\n"
-        "assert f is fixed_point is master.fixed_point is sys.modules['master.fixed_point'].fixed_point\n"
-        "assert FixedPointResult is sys.modules['master.fixed_point'].FixedPointResult\n"
-        "assert IQNILS is master.IQNILS is sys.modules['master.acceleration'].IQNILS\n"
+        "module = sys.modules['master.coupling.fixed_point']\n"
+        "assert f is fixed_point is master.fixed_point is module.fixed_point\n"
+        "assert FixedPointResult is module.FixedPointResult\n"
+        "assert IQNILS is master.IQNILS is sys.modules['master.coupling.acceleration'].IQNILS\n"
         "assert {Aitken, ConstantRelaxation} == {master.Aitken, master.ConstantRelaxation}\n",
     )
+
+
+def test_modules_are_found_under_their_former_names_and_say_where_they_are_now():
+    names = (
+        ("acceleration", "NewtonKrylov"),
+        ("checkpoint", "read"),
+        ("comparison", "compare"),
+        ("exchange", "Exchange"),
+        ("fixed_point", "fixed_point"),
+        ("foreign", "opened"),
+        ("march", "march"),
+        ("participants", "FmuParticipant"),
+        ("run", "coupled_run"),
+        ("run", "summary"),
+        ("schemes", "SCHEMES"),
+        ("spectrum", "dominant_eigenvalue"),
+        ("stability", "static_stability"),
+        ("steady", "steady"),
+        ("still_air", "StillAir"),
+    )
+    assert {former for former, _ in names} == set(MOVED)
+    for former, name in names:
+        with pytest.warns(DeprecationWarning, match=rf"master\.{former} has moved: take {name} from master\."):
+            found = getattr(import_module(f"master.{former}"), name)
+        assert found is SCHEMES or found.__module__.split(".")[1] in ("coupling", "fmu_coupling", "report", "studies")
+    script = "import master.exchange\nfrom master.march import march\nassert master.exchange.Exchange and march\n"
+    done = process("-W", "always", "-c", script)
+    assert done == ""
+    with pytest.raises(AttributeError, match=r"module 'master\.run' has no attribute 'moon'"):
+        _ = import_module("master.run").moon
 
 
 def test_the_public_names_are_listed_and_others_do_not_exist():

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from master.acceleration.columns import Columns
+from master.coupling.acceleration.columns import Columns
 
 # Gram-Schmidt twice leaves a few rounding errors in each column and a dependent one loses its last 1e-14 part.
 ROUNDING = 1e-13

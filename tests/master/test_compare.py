@@ -11,10 +11,10 @@ import pytest
 
 import scenes
 from master import compare
-from master.comparison.flat import flat_rows
-from master.comparison.grid import grid
 from master.coupling import Coupling, solve
-from master.schemes import SCHEMES, Kind
+from master.coupling.schemes import SCHEMES, Kind
+from master.studies.flat import flat_rows
+from master.studies.grid import grid
 from tests.master.test_report import Page
 from tests.scenes.broken import copy_of
 
@@ -148,7 +148,7 @@ def test_second_comparison_solves_nothing_and_a_larger_one_only_what_is_new(tmp_
     counts.clear()
     compare(**what, parameters={"aitken.omega": [0.5, 0.7]}, progress=count)
     assert counts[0] == (2, 3, True)  # omega = 0.5 is the default
-    compare(**what, fresh=True)
+    compare(**what, recompute=True)
     assert all(path.stat().st_mtime_ns > before for path, before in files.items())
 
 
@@ -184,7 +184,7 @@ def test_same_rows_give_the_same_bytes(tmp_path):
     before = {p.name: p.read_bytes() for p in files}
     compare(**what)
     assert {p.name: p.read_bytes() for p in files} == before
-    compare(**what, fresh=True)
+    compare(**what, fresh=True)  # its name in releases up to 0.1
     for name in ("residuals.png", "residuals.svg", "iterations.png", "iterations.svg", "omega.png"):
         assert (tmp_path / name).read_bytes() == before[name], name  # no wall times in them
 
@@ -248,8 +248,8 @@ def test_defect_of_a_scheme_is_the_end_of_its_cell_only(tmp_path, monkeypatch):
 SCRIPT = """
 import os
 from master import compare
-from master.acceleration import ConstantRelaxation
-from master.schemes import SCHEMES, Kind
+from master.coupling.acceleration import ConstantRelaxation
+from master.coupling.schemes import SCHEMES, Kind
 
 class Deadly(ConstantRelaxation):
     def step(self, x, r):

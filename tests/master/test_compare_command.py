@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import master.comparison.files
+import master.studies.files
 from master.cli import app
-from master.schemes import SCHEMES, Kind
+from master.coupling.schemes import SCHEMES, Kind
 
 ROOT = Path(__file__).parents[2]
 
@@ -32,6 +32,10 @@ def test_command_prints_a_table_a_scene_and_names_its_files(tmp_path):
     again = run(tmp_path, "typical_section", "--sweep", "wind_speed=5,10,15", "--schemes", "explicit,iqn-ils")
     assert f"4 of 6 cells were there already, in {tmp_path}/cells" in again.stdout
     assert "there already" not in first.stdout
+    for option in ("--recompute", "--fresh"):  # the second is its name in releases up to 0.1
+        once_more = run(tmp_path, "typical_section", "--sweep", "wind_speed=5,10", "--schemes", "explicit", option)
+        assert once_more.exit_code == 0, once_more.output
+        assert "there already" not in once_more.stdout
 
 
 def test_vectors_are_swept_between_semicolons_and_scenes_have_their_own_settings(tmp_path):
@@ -118,7 +122,7 @@ def test_fmus_give_the_counts_of_the_solvers_in_this_process(tmp_path):
 
 def test_without_the_libraries_there_are_tables_and_a_remark(tmp_path, monkeypatch):
     run(tmp_path, "typical_section", "--schemes", "aitken")
-    monkeypatch.setattr(master.comparison.files, "find_spec", lambda name: None)
+    monkeypatch.setattr(master.studies.files, "find_spec", lambda name: None)
     done = run(tmp_path, "typical_section", "--schemes", "aitken")
     assert "pip install 'kitecosim[report]'" in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cells", "compare.csv", "compare.json", "compare.md"]
@@ -138,6 +142,6 @@ def test_interrupt_keeps_the_finished_cells_and_ends_with_130(tmp_path):
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130, errors
     assert errors.splitlines() == [
-        f"kitecosim: interrupted; the finished cells are in {tmp_path}/cells, and the same command goes on from there."
+        f"kitecosim: interrupted; finished cells are in {tmp_path}/cells, and the same command continues from there."
     ]
     assert len(list(tmp_path.glob("cells/*"))) == 1

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from master.acceleration import IQNILS
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.recovery import Warmth
+from master.coupling.acceleration import IQNILS
+from master.coupling.exchange import Connection, Exchange, StateSnapshot
+from master.coupling.march import march
 from tests.master.toys import Mass, Spring
 
 
@@ -63,7 +62,7 @@ def test_the_time_of_a_long_run_is_not_summed_up():
 
 def test_an_anchor_brings_back_the_time_of_its_states_too():
     exchange = Exchange(ring(1.0).participants, ring(1.0).connections, dt=0.5)
-    anchor = Warmth(exchange)
+    anchor = StateSnapshot(exchange)
     exchange.evaluate(exchange.present())
     anchor.mark()
     exchange.evaluate(exchange.present())

@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from master import couple
 from master.cli import app
-from master.foreign.document import Document
-from master.march import march
+from master.coupling.march import march
+from master.fmu_coupling.document import Document
 
 START = np.array([1.0, 0.5])  # m
 WALL = {
@@ -78,37 +78,37 @@ def end_errors(folder, make, exact, name, steps, **options):
 
 
 @pytest.mark.parametrize("order", ["serial", "parallel"])
-def test_two_foreign_fmus_oscillate_as_one_with_order_two(foreign, order):
+def test_two_foreign_fmus_oscillate_as_one_with_order_two(toy_fmus, order):
     exact = START * np.cos(2.0)
-    errors = end_errors(foreign, oscillator, exact, "wall.position", (0.1, 0.05, 0.025), order=order)
+    errors = end_errors(toy_fmus, oscillator, exact, "wall.position", (0.1, 0.05, 0.025), order=order)
     assert np.log2(errors[:-1] / errors[1:]) == pytest.approx(2.0, abs=0.05)  # the next term of the error expansion
 
 
-def test_the_coupled_solution_is_the_trapezoidal_rule_of_the_whole(foreign):
+def test_the_coupled_solution_is_the_trapezoidal_rule_of_the_whole(toy_fmus):
     dt, whole = 0.1, 4.0
     q, v = START.copy(), np.zeros(2)
     for _ in range(10):
         new = (v * (1.0 - 0.25 * whole * dt**2) - dt * whole * q) / (1.0 + 0.25 * whole * dt**2)
         q, v = q + 0.5 * dt * (v + new), new
-    found = coupled(foreign, oscillator(dt)).values
+    found = coupled(toy_fmus, oscillator(dt)).values
     assert found["wall.position"] == pytest.approx(q, rel=1e-9)  # the tolerance of ten steps
     assert found["fluid.load"] == pytest.approx(-3.0 * q, rel=1e-9)  # newtons
 
 
-def test_parallel_order_and_other_schemes_converge_to_the_serial_result(foreign):
-    reference = coupled(foreign, oscillator()).values["wall.position"]
+def test_parallel_order_and_other_schemes_converge_to_the_serial_result(toy_fmus):
+    reference = coupled(toy_fmus, oscillator()).values["wall.position"]
     # aitken has one factor for all, which does not suit the pair of imaginary eigenvalues of the parallel map
     serial = [("serial", scheme) for scheme in ("relaxation", "aitken", "iqn-ils", "iqn-imvj")]
     for order, scheme in [*serial, ("parallel", "relaxation"), ("parallel", "iqn-ils")]:
         parameters = {"omega": 0.9} if scheme == "relaxation" else {}
         content = oscillator(order=order, scheme=scheme, parameters=parameters)
-        result = coupled(foreign, content)
+        result = coupled(toy_fmus, content)
         assert result.status == "converged", (order, scheme, result.message)
         assert result.values["wall.position"] == pytest.approx(reference, rel=1e-9)
 
 
-def test_signs_and_units_of_connections_and_blocks_come_to_the_same(foreign):
-    reference = coupled(foreign, oscillator()).values["wall.position"]
+def test_signs_and_units_of_connections_and_blocks_come_to_the_same(toy_fmus):
+    reference = coupled(toy_fmus, oscillator()).values["wall.position"]
     content = oscillator(
         fluid={
             "start": {"stiffness": -3.0, "place": [1e3, 5e2]},  # mm
@@ -122,18 +122,18 @@ def test_signs_and_units_of_connections_and_blocks_come_to_the_same(foreign):
         {"from": "fluid.load", "to": "wall.load", "factor": -1e3},
         {"from": "wall.position", "to": "fluid.place", "factor": 1e3},
     ]
-    assert coupled(foreign, content).values["wall.position"] == pytest.approx(reference, rel=1e-9)
+    assert coupled(toy_fmus, content).values["wall.position"] == pytest.approx(reference, rel=1e-9)
 
 
-def test_substeps_divide_the_step_of_one_participant(foreign):
+def test_substeps_divide_the_step_of_one_participant(toy_fmus):
     content = oscillator(wall={"substeps": 4})
     content["results"] = {"record": ["wall.steps", "wall.position"]}
-    result = coupled(foreign, content)
+    result = coupled(toy_fmus, content)
     assert result.values["wall.steps"] == 40
     exact = START * np.cos(2.0)
-    plain = np.linalg.norm(coupled(foreign, oscillator()).values["wall.position"] - exact)
+    plain = np.linalg.norm(coupled(toy_fmus, oscillator()).values["wall.position"] - exact)
     assert 0.3 * plain < np.linalg.norm(result.values["wall.position"] - exact) < plain  # interpolation error is left
-    errors = end_errors(foreign, oscillator, exact, "wall.position", (0.1, 0.05), wall={"substeps": 4})
+    errors = end_errors(toy_fmus, oscillator, exact, "wall.position", (0.1, 0.05), wall={"substeps": 4})
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
@@ -161,31 +161,31 @@ def test_a_steady_run_finds_where_the_wheel_comes_to_turn(with_wheel):
     result = coupled(with_wheel, content)
     assert result.status == "converged"
     assert result.values["wheel.speed"] == pytest.approx(3.0 / (1.5 + 0.5), rel=1e-6)
-    assert result.time == result.evaluations * 1e3  # nothing was put back
+    assert result.time == result.evaluations * 1e3  # no state was restored
 
 
-def test_a_state_that_the_fmu_lets_one_start_is_a_start_value(foreign):
+def test_a_state_that_the_fmu_lets_one_start_is_a_start_value(toy_fmus):
     wall = {"start": {"stiffness": 1.0, "v": [2.0, -1.0]}, "blocks": WALL["blocks"] | {"v": "v_#"}}
     content = oscillator(0.02, wall=wall, fluid={"start": {"stiffness": 3.0}})
-    position = coupled(foreign, content).values["wall.position"]
+    position = coupled(toy_fmus, content).values["wall.position"]
     exact = np.array([1.0, -0.5]) * np.sin(2.0)
     assert position == pytest.approx(exact, abs=2.0 * 0.02**2)  # of second order
 
 
-def test_texts_are_start_values_too_and_what_an_fmu_says_to_them_is_heard(foreign):
+def test_texts_are_start_values_too_and_what_an_fmu_says_to_them_is_heard(toy_fmus):
     fluid = {"start": FLUID["start"] | {"table": "table.csv"}}
-    assert coupled(foreign, oscillator(fluid=fluid)).status == "converged"
+    assert coupled(toy_fmus, oscillator(fluid=fluid)).status == "converged"
     fluid["start"]["table"] = "täble.csv"
     with pytest.raises(RuntimeError, match=r"there is no table täble\.csv"):  # PythonFMU calls that fmi2Fatal
-        coupled(foreign, oscillator(fluid=fluid))
+        coupled(toy_fmus, oscillator(fluid=fluid))
 
 
-def test_a_discarded_step_is_tried_again_and_reported(foreign, tmp_path):
-    reference = coupled(foreign, oscillator()).values["wall.position"]
+def test_a_discarded_step_is_tried_again_and_reported(toy_fmus, tmp_path):
+    reference = coupled(toy_fmus, oscillator()).values["wall.position"]
     fluid = {"start": FLUID["start"] | {"fail_at": 5}}
     for scheme in ("iqn-ils", "explicit"):
-        result = coupled(foreign, oscillator(fluid=fluid, scheme=scheme), out=tmp_path)
-        # explicit: the wall can be put back and the fluid has no memory, so the step can be repeated
+        result = coupled(toy_fmus, oscillator(fluid=fluid, scheme=scheme), out=tmp_path)
+        # explicit: the state of the wall can be restored and the fluid has no memory, so the step can be repeated
         assert result.status == "converged", result.message
         assert result.steps.count("recovered") == 1
         summary = json.loads((tmp_path / "summary.json").read_text())
@@ -230,22 +230,22 @@ def three(closed=True):
 
 
 @pytest.mark.parametrize("order", ["serial", "parallel"])
-def test_three_participants_in_a_ring_give_what_two_give(foreign, order):
-    reference = coupled(foreign, oscillator()).values["wall.position"]
+def test_three_participants_in_a_ring_give_what_two_give(toy_fmus, order):
+    reference = coupled(toy_fmus, oscillator()).values["wall.position"]
     content = three()
     content["coupling"]["order"] = order
-    result = coupled(foreign, content)
+    result = coupled(toy_fmus, content)
     assert result.status == "converged", result.message
     assert result.values["wall.position"] == pytest.approx(reference, rel=1e-9)
 
 
 @pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
-def test_in_a_row_without_feedback_one_exchange_a_step_is_the_answer(foreign, scheme):
+def test_in_a_row_without_feedback_one_exchange_a_step_is_the_answer(toy_fmus, scheme):
     content = three(closed=False)
     content["coupling"]["scheme"] = scheme
     content["results"] = {"record": ["wall.position", "passing.load"]}
     content["participants"]["wall"] = WALL | {"start": WALL["start"] | {"load": [0.0, 0.0]}}
-    result = coupled(foreign, content)
+    result = coupled(toy_fmus, content)
     assert result.status == "converged", result.message
     assert result.evaluations == 10
     position = result.values["wall.position"]
@@ -253,11 +253,11 @@ def test_in_a_row_without_feedback_one_exchange_a_step_is_the_answer(foreign, sc
     assert result.values["passing.load"] == pytest.approx(-3.0 * position, rel=1e-12)
 
 
-def test_the_files_of_a_run_are_complete_and_agree(foreign, tmp_path):
+def test_the_files_of_a_run_are_complete_and_agree(toy_fmus, tmp_path):
     content = oscillator(wall={"substeps": 2})
     content["results"] = {"record": ["wall.position", "fluid.loadX", "wall.F_1"]}
     seen = []
-    result = coupled(foreign, content, out=tmp_path, follow=lambda number, *_: seen.append(number))
+    result = coupled(toy_fmus, content, out=tmp_path, follow=lambda number, *_: seen.append(number))
     assert seen == list(range(11))
     names = {"results.csv", "steps.csv", "summary.json", "results.png", "results.svg"}
     assert {path.name for path in tmp_path.iterdir()} == names
@@ -281,27 +281,27 @@ def test_the_files_of_a_run_are_complete_and_agree(foreign, tmp_path):
     assert summary["versions"]["fmpy"]
 
 
-def test_what_there_is_stays_whole_when_a_run_breaks_off(foreign, tmp_path):
+def test_what_there_is_stays_whole_when_a_run_breaks_off(toy_fmus, tmp_path):
     def stop(number, *_):
         if number == 4:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        coupled(foreign, oscillator(), out=tmp_path, follow=stop)
+        coupled(toy_fmus, oscillator(), out=tmp_path, follow=stop)
     assert {path.name for path in tmp_path.iterdir()} == {"results.csv", "steps.csv"}
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 1 + 5
     assert len((tmp_path / "steps.csv").read_text().splitlines()) == 1 + 4
 
 
-def test_an_fmu_that_does_not_load_leaves_no_results(foreign, tmp_path):
+def test_an_fmu_that_does_not_load_leaves_no_results(toy_fmus, tmp_path):
     fluid = {"start": FLUID["start"] | {"table": "none.csv"}}
     with pytest.raises(RuntimeError, match=r"there is no table none\.csv"):
-        coupled(foreign, oscillator(fluid=fluid), out=tmp_path)
+        coupled(toy_fmus, oscillator(fluid=fluid), out=tmp_path)
     assert not list(tmp_path.iterdir())
 
 
 def test_curves_for_the_plot_stay_few_however_long_a_run_is():
-    from master.foreign.results import POINTS, Curve
+    from master.fmu_coupling.results import POINTS, Curve
 
     curve = Curve()
     for k in range(20 * POINTS):
@@ -311,11 +311,11 @@ def test_curves_for_the_plot_stay_few_however_long_a_run_is():
     assert [float(v[0]) for v in curve.values] == curve.times
 
 
-def test_a_document_serves_a_script_that_marches_itself(foreign):
-    from master.acceleration import IQNILS
-    from master.foreign.run import opened
+def test_a_document_serves_a_script_that_marches_itself(toy_fmus):
+    from master.coupling.acceleration import IQNILS
+    from master.fmu_coupling.run import opened
 
-    with opened(Document.of(oscillator(), foreign)) as exchange:
+    with opened(Document.of(oscillator(), toy_fmus)) as exchange:
         result = march(exchange, IQNILS(), 0.5, rtol=1e-11)
         assert result.status == "converged"
         assert exchange.participants["wall"].get("position") == pytest.approx(START * np.cos(1.0), abs=5e-3)
@@ -345,8 +345,10 @@ to = "fluid.place"
 
 
 @pytest.mark.parametrize(("most", "code", "status"), [(100, 0, "converged"), (1, 1, "max_iterations")])
-def test_the_command_prints_a_table_and_its_exit_code_tells_whether_it_converged(foreign, tmp_path, most, code, status):
-    file = foreign / f"ring_{most}.toml"
+def test_the_command_prints_a_table_and_its_exit_code_tells_whether_it_converged(
+    toy_fmus, tmp_path, most, code, status
+):
+    file = toy_fmus / f"ring_{most}.toml"
     file.write_text(TOML.format(most=most))
     done = CliRunner().invoke(app, ["couple", str(file), "--out", str(tmp_path / "out"), "--no-report"])
     assert done.exit_code == code, done.output
@@ -356,8 +358,8 @@ def test_the_command_prints_a_table_and_its_exit_code_tells_whether_it_converged
     assert not (tmp_path / "out/results.png").exists()
 
 
-def test_bad_input_is_one_sentence_and_exit_code_2_and_nothing_is_written(foreign, tmp_path):
-    file = foreign / "bad.toml"
+def test_bad_input_is_one_sentence_and_exit_code_2_and_nothing_is_written(toy_fmus, tmp_path):
+    file = toy_fmus / "bad.toml"
     file.write_text(TOML.format(most='"many"'))
     done = CliRunner().invoke(app, ["couple", str(file), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2

@@ -1,12 +1,11 @@
-"""A coupling of foreign FMUs that is stopped goes on from its checkpoint bitwise as if it had not been."""
+"""A coupling of FMUs of any maker that is stopped continues from its checkpoint bitwise as if it had not been."""
 
 import numpy as np
 import pytest
 
 from master import couple
-from master.checkpoint import read
-from master.foreign.document import Document
-from master.restart import Files
+from master.coupling.checkpoint import Files, read
+from master.fmu_coupling.document import Document
 from tests.master.test_couple import braked, oscillator
 
 
@@ -49,7 +48,7 @@ def test_another_scheme_step_and_stop_go_on_from_the_same_state(serialising, tmp
     assert rest.values["wall.position"] == pytest.approx(exact, abs=5e-3)
 
 
-def test_what_cannot_be_kept_is_refused_before_anything_is_run(foreign, with_wheel, tmp_path):
+def test_what_cannot_be_kept_is_refused_before_anything_is_run(toy_fmus, with_wheel, tmp_path):
     for content, reason in ((oscillator(), "canSerializeFMUstate"), (braked(), "cannot save its state")):
         with pytest.raises(ValueError, match=reason):
             run(with_wheel, content, Files(tmp_path / "a.ckp"))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from fmpy import platform
 
-from master.foreign.document import Document
-from master.foreign.mapping import Described, MappedParticipant, Naming
-from tests.master.foreign import DESCRIPTION
+from master.fmu_coupling.document import Document
+from master.fmu_coupling.mapping import Described, MappedParticipant, Naming
 from tests.master.test_couple import oscillator
+from tests.master.toy_fmus import DESCRIPTION
 
 REMOVED = type("Absent", (), {"__repr__": lambda self: "absent"})()
 
@@ -48,7 +48,10 @@ MISTAKES = [
     ({"time/step": 0.3}, "[time] from start = 0 to stop = 1 is no whole number of steps of 0.3; change one."),
     ({"time/start": 2.0}, "[time] from start = 2 to stop = 1 is no whole number of steps"),
     ({"time/mode": "static"}, "[time] mode is 'static', which there is not; choose one of: transient, steady."),
-    ({"time/mode": "steady"}, '[time] stop does not go with mode = "steady", which has no end in time; leave it out.'),
+    (
+        {"time/mode": "steady"},
+        '[time] stop does not go with mode = "steady", which does not advance in time; leave it out.',
+    ),
     (STEADY | {"coupling/predictor": "linear"}, '[coupling] predictor does not go with mode = "steady"'),
     ({"coupling/scheme": "iqn"}, "[coupling] scheme is 'iqn', which there is not; choose one of: explicit, relaxation"),
     ({"coupling/parameters": {"omega": 1.0}}, "[coupling.parameters] does not suit: scheme iqn-ils has no parameter"),
@@ -116,45 +119,45 @@ MISTAKES = [
 ]  # fmt: skip
 
 
-def test_the_document_that_the_mistakes_are_made_in_is_right(foreign):
-    document = Document.of(oscillator(), foreign)
+def test_the_document_that_the_mistakes_are_made_in_is_right(toy_fmus):
+    document = Document.of(oscillator(), toy_fmus)
     assert document.record == (("fluid", "load"), ("wall", "position"))
     assert document.settings.count == 10
     steady = changed(oscillator(), STEADY)
-    assert Document.of(steady, foreign).settings.mode == "steady"
+    assert Document.of(steady, toy_fmus).settings.mode == "steady"
 
 
 @pytest.mark.parametrize(("changes", "sentence"), MISTAKES, ids=lambda value: str(value)[:60])
-def test_a_mistake_is_answered_by_one_sentence(foreign, changes, sentence):
+def test_a_mistake_is_answered_by_one_sentence(toy_fmus, changes, sentence):
     with pytest.raises(ValueError, match=re.escape(sentence)) as error:
-        Document.of(changed(oscillator(), changes), foreign)
+        Document.of(changed(oscillator(), changes), toy_fmus)
     text = str(error.value)
     assert text.startswith("coupling: ")
     assert "\n" not in text
     assert text[-1] in ".?"
 
 
-def test_an_input_has_one_source_also_where_blocks_share_a_variable(foreign):
+def test_an_input_has_one_source_also_where_blocks_share_a_variable(toy_fmus):
     content = oscillator()
     content["connections"].append({"from": "fluid.loadX", "to": "wall.F_1"})
     with pytest.raises(
         ValueError, match=r"\[\[connections\]\] 3: to: F_1 of wall has a source already, fluid.load -> "
     ):
-        Document.of(content, foreign)
+        Document.of(content, toy_fmus)
 
 
-def test_a_participant_without_a_connection_is_refused(foreign):
+def test_a_participant_without_a_connection_is_refused(toy_fmus):
     content = oscillator()
     content["participants"]["spare"] = {"fmu": "fluid.fmu"}
     with pytest.raises(ValueError, match=r"\[participants.spare\] is in no connection; connect it, or leave it out\."):
-        Document.of(content, foreign)
+        Document.of(content, toy_fmus)
 
 
-def test_a_steady_run_needs_a_loop(foreign):
+def test_a_steady_run_needs_a_loop(toy_fmus):
     content = changed(oscillator(), STEADY)
     del content["connections"][1]
     with pytest.raises(ValueError, match="nothing is sent back to an earlier participant"):
-        Document.of(content, foreign)
+        Document.of(content, toy_fmus)
 
 
 def test_a_file_that_is_no_toml_is_told_by_its_line(tmp_path):
@@ -209,7 +212,7 @@ def test_an_fmu_that_allows_one_instance_is_not_used_twice(tmp_path):
         Document.of(content, tmp_path)
 
 
-def test_blocks_of_our_own_reach_the_variables_they_name_in_their_order(foreign):
+def test_blocks_of_our_own_reach_the_variables_they_name_in_their_order(toy_fmus):
     names = {
         "q": Naming("q_#", 2.0),
         "turned": Naming(("q_2", "q_1")),
@@ -217,7 +220,7 @@ def test_blocks_of_our_own_reach_the_variables_they_name_in_their_order(foreign)
         "all": Naming(("F_1", "F_2"), -1.0),
     }
     start = {"place": [[100.0], [50.0]], "all": [3.0, 1.5]}
-    with MappedParticipant(foreign / "wall.fmu", names, start) as wall:
+    with MappedParticipant(toy_fmus / "wall.fmu", names, start) as wall:
         assert wall.get("q_1") == 1.0
         assert wall.get("q").tolist() == [2.0, 1.0]
         assert wall.get("turned").tolist() == [0.5, 1.0]
@@ -231,9 +234,9 @@ def test_blocks_of_our_own_reach_the_variables_they_name_in_their_order(foreign)
             wall.set("all", np.zeros(3))
 
 
-def test_a_pattern_sorts_by_number_and_spans_a_grid(foreign, tmp_path, monkeypatch):
+def test_a_pattern_sorts_by_number_and_spans_a_grid(toy_fmus, tmp_path, monkeypatch):
     listed = [f"u_{i}_{j}" for j in (9, 10) for i in (1, 2, 3)]
-    mapped = Described(foreign / "wall.fmu")
+    mapped = Described(toy_fmus / "wall.fmu")
     variables = dict.fromkeys(listed, mapped._variables["q_1"])
     monkeypatch.setattr(mapped, "_variables", variables)
     grid = mapped._found("u", Naming("u_#_#"))

@@ -5,13 +5,13 @@ from typer.testing import CliRunner
 
 from master import couple
 from master.cli import app
-from master.foreign.document import Document
-from master.participants import FmuParticipant
-from master.restart import Files
+from master.coupling import FmuParticipant
+from master.coupling.checkpoint import Files
+from master.fmu_coupling.document import Document
 from tests.master.test_couple import FLUID, WALL, oscillator
 
 
-def test_a_save_that_fails_ends_a_steady_run_with_its_reason(foreign, monkeypatch):
+def test_a_save_that_fails_ends_a_steady_run_with_its_reason(toy_fmus, monkeypatch):
     def save(self):
         raise ValueError(f"{self.name}: no memory left")
 
@@ -23,7 +23,7 @@ def test_a_save_that_fails_ends_a_steady_run_with_its_reason(foreign, monkeypatc
         {"from": "one.position", "to": "two.load"},
         {"from": "two.position", "to": "one.load"},
     ]
-    result = couple(Document.of(content, foreign))
+    result = couple(Document.of(content, toy_fmus))
     assert result.status == "diverged"
     assert "no memory left" in result.message
     assert result.evaluations == 0
@@ -51,11 +51,11 @@ def test_a_checkpoint_of_another_order_or_of_other_models_is_refused_by_name(ser
 
 
 @pytest.mark.parametrize("name", ["total", "set_up", "master"])
-def test_a_participant_cannot_have_the_name_of_a_wall_time(foreign, name):
+def test_a_participant_cannot_have_the_name_of_a_wall_time(toy_fmus, name):
     content = oscillator()
     content["participants"][name] = content["participants"].pop("wall")
     with pytest.raises(ValueError, match=rf"^coupling: \[participants\.{name}\] has a name .*\.$"):
-        Document.of(content, foreign)
+        Document.of(content, toy_fmus)
 
 
 def test_a_checkpoint_of_the_other_backend_is_refused_with_the_remedy(tmp_path):

@@ -5,11 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from master.acceleration import IQNILS, ConstantRelaxation
-from master.exchange import Connection, CoupledStepFailed, Exchange
-from master.fixed_point import fixed_point
-from master.march import march
-from master.recovery import Warmth
+from master.coupling.acceleration import IQNILS, ConstantRelaxation
+from master.coupling.exchange import Connection, CoupledStepFailed, Exchange, StateSnapshot
+from master.coupling.fixed_point import fixed_point
+from master.coupling.march import march
 from tests.master.toys import Faulty, Mass, Spring, Toy
 
 K, M = 4.0, 1.0
@@ -193,7 +192,7 @@ def test_evaluations_products_and_seconds_are_counted():
         exchange.evaluate(x)
     product = exchange.derivative(np.array([1.0, 0.0]))
     assert (exchange.evaluations, exchange.products) == (3, 2)
-    assert exchange.time == 3.0  # without rollback time goes on with every evaluation
+    assert exchange.time == 3.0  # without rollback time advances with every evaluation
     assert 0.03 <= exchange.seconds["a"] < 3.0  # never shorter than the sleeps
     h = 1e-6
     d = np.array([h, 0.0])
@@ -243,7 +242,7 @@ class Lost(Law):
 def test_a_save_that_fails_frees_what_the_others_have_saved():
     a, b = Law("a"), Unsaved("b")
     exchange = Exchange({"a": a, "b": b}, joined(("a", "b"), ("b", "a")), rollback=True)
-    for attempt in (exchange.saved, exchange.open, lambda: Warmth(exchange)):
+    for attempt in (exchange.save, exchange.open, lambda: StateSnapshot(exchange)):
         with pytest.raises(CoupledStepFailed, match="participant b could not save its state: no memory left"):
             attempt()
         assert a.alive == 0
@@ -278,7 +277,7 @@ def test_a_restore_that_fails_ends_in_a_status():
     exchange = Exchange({"a": a, "b": b}, joined(("a", "b"), ("b", "a")), rollback=True)
     result = march(exchange, IQNILS(), 2.0)
     assert result.status == "diverged"
-    assert "participant b could not be put back: the state is gone" in result.message
+    assert "participant b could not restore its state: the state is gone" in result.message
     assert (a.alive, b.alive) == (0, 0)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.reference_problems import BadlyScaledFields
-from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
-from master.fixed_point import fixed_point
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
+from master.coupling.fixed_point import fixed_point
 
 EXPLICIT = ConstantRelaxation(1.0)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from master.acceleration import IQNILS
-from master.exchange import Connection, Exchange
-from master.march import march
+from master.coupling import Connection, Exchange
+from master.coupling.acceleration import IQNILS
+from master.coupling.march import march
 from tests.master.toys import Mass, Spring
 
 K, M = 4.0, 1.0  # 2 rad/s

@@ -1,4 +1,4 @@
-"""Runs through time that meet faults: what recovers, what ends how, and that no saved state is left behind."""
+"""Transient runs that meet faults: what recovers, what ends how, and that no saved state is left behind."""
 
 import itertools
 
@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from fmus.builder import archive
-from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.participants import FmuParticipant
+from master.coupling import Connection, Exchange, FmuParticipant
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
+from master.coupling.march import march
 from tests.fmus.toy_fmu import Toy as Core
 from tests.fmus.toy_fmu import ToyFmu
 from tests.master.toys import Mass, Spring

@@ -1,13 +1,12 @@
-"""Runs through time against closed forms and monolithic solves: added mass, predictors, and what long runs leave."""
+"""Transient runs against closed forms and monolithic solves: added mass, predictors, and what long runs leave."""
 
 import numpy as np
 import pytest
 
 from fmus.builder import archive
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation
-from master.exchange import Connection, Exchange
-from master.march import Predictor, march
-from master.participants import FmuParticipant
+from master.coupling import Connection, Exchange, FmuParticipant
+from master.coupling.acceleration import IQNILS, Aitken, ConstantRelaxation
+from master.coupling.march import Predictor, march
 from tests.fmus.toy_fmu import Toy as Core
 from tests.fmus.toy_fmu import ToyFmu
 from tests.master.toys import Mass, Spring, Toy

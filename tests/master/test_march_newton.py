@@ -1,11 +1,10 @@
-"""Newton-Krylov through time: derivatives are those at the point that is left, also after a failed evaluation."""
+"""Newton-Krylov in transient runs: derivatives are those at the point that is left, also after a failed evaluation."""
 
 import numpy as np
 import pytest
 
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.schemes import scheme
+from master.coupling import Connection, Exchange, scheme
+from master.coupling.march import march
 from tests.master.toys import Mass, Spring
 
 DT = 0.1

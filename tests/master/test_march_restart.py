@@ -1,4 +1,4 @@
-"""Runs through time that are interrupted go on to the last bit as if they had not been."""
+"""Transient runs that are interrupted continue to the last bit as if they had not been."""
 
 import contextlib
 import pickle
@@ -8,11 +8,9 @@ import pytest
 
 from benchmarks.problems import in_process
 from fmus.builder import archive
-from master import checkpoint
-from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
-from master.exchange import Connection, Exchange
-from master.march import march
-from master.participants import FmuParticipant
+from master.coupling import Connection, Exchange, FmuParticipant, checkpoint
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation
+from master.coupling.march import march
 from tests.fmus.toy_fmu import Toy as Core
 from tests.fmus.toy_fmu import ToyFmu
 from tests.master.toys import Mass, Spring
@@ -45,7 +43,7 @@ def test_a_march_goes_on_bitwise_from_every_step(name, tmp_path):
 
     def keep(now):
         files.append(tmp_path / f"{len(files)}.checkpoint")
-        checkpoint.write(files[-1], {"step": len(files)}, checkpoint.of_march(exchange, used, now))
+        checkpoint.write(files[-1], {"step": len(files)}, checkpoint.dump_march(exchange, used, now))
 
     whole = march(exchange, used, STEPS * DT, hold=keep, **options)
     assert whole.status == "converged"
@@ -54,7 +52,7 @@ def test_a_march_goes_on_bitwise_from_every_step(name, tmp_path):
         about, content = checkpoint.read(file)
         assert about == {"step": k + 1}
         again, fresh = oscillator(), MARCHING[name]()
-        begun = checkpoint.march_of(again, content, fresh)
+        begun = checkpoint.load_march(again, content, fresh)
         assert again.time == (k + 1) * DT
         rest = march(again, fresh, STEPS * DT, begun=begun, **options)
         assert np.array_equal(rest.x, whole.x)
@@ -84,14 +82,14 @@ def test_a_march_of_fmus_goes_on_bitwise_in_new_instances(name, tmp_path):
 
         def keep(now):
             files.append(tmp_path / f"{len(files)}.checkpoint")
-            checkpoint.write(files[-1], {}, checkpoint.of_march(exchange, used, now))
+            checkpoint.write(files[-1], {}, checkpoint.dump_march(exchange, used, now))
 
         whole = march(exchange, used, 0.6, hold=keep)
         assert whole.status == "converged"
     for file in files[:-1]:
         with pair() as exchange:
             used = MARCHING[name]()
-            begun = checkpoint.march_of(exchange, checkpoint.read(file)[1], used)
+            begun = checkpoint.load_march(exchange, checkpoint.read(file)[1], used)
             rest = march(exchange, used, 0.6, begun=begun)
             assert np.array_equal(rest.x, whole.x)
             assert rest.steps == whole.steps
@@ -102,7 +100,7 @@ def interrupted(step, name="iqn-ils", **options):
     """What a checkpoint after a step of a march holds."""
     exchange, used, kept = oscillator(), MARCHING[name](), []
     march(exchange, used, step * DT, hold=lambda now: kept.append(pickle.dumps(
-        checkpoint.of_march(exchange, used, now)
+        checkpoint.dump_march(exchange, used, now)
     )), **options)  # fmt: skip
     return pickle.loads(kept[-1])
 
@@ -111,7 +109,7 @@ def test_a_march_may_go_on_with_another_scheme_tolerance_predictor_and_step():
     content = interrupted(4, rtol=1e-6)
     exchange = oscillator(dt=0.5 * DT)
     used = Aitken()
-    begun = checkpoint.march_of(exchange, content, used)  # no history of IQN-ILS for it
+    begun = checkpoint.load_march(exchange, content, used)  # no history of IQN-ILS for it
     result = march(exchange, used, STEPS * DT, begun=begun, rtol=1e-10, predictor="quadratic")
     assert result.status == "converged"
     assert len(result.steps) == 4 + 2 * 4
@@ -123,7 +121,7 @@ def test_a_march_may_go_on_with_another_scheme_tolerance_predictor_and_step():
 def test_a_march_that_goes_on_remembers_steps_that_did_not_converge():
     content = interrupted(2, "relaxation", rtol=1e-15, max_iterations=1, strict=False)
     exchange = oscillator()
-    result = march(exchange, IQNILS(), STEPS * DT, begun=checkpoint.march_of(exchange, content))
+    result = march(exchange, IQNILS(), STEPS * DT, begun=checkpoint.load_march(exchange, content))
     assert result.status == "max_iterations"
     assert "step 1" in result.message
 
@@ -131,13 +129,13 @@ def test_a_march_that_goes_on_remembers_steps_that_did_not_converge():
 def test_a_march_of_the_other_order_or_of_other_participants_is_refused_in_one_sentence():
     content = interrupted(2)
     exchange = oscillator()
-    begun = checkpoint.march_of(exchange, content)
+    begun = checkpoint.load_march(exchange, content)
     with pytest.raises(ValueError, match=r"unknowns.*\.$"):
         march(exchange, IQNILS(), 1.0, order="parallel", begun=begun)
     other = Exchange({"a": Spring(1.0), "b": Mass(1.0)}, [Connection("a", "f", "b", "f")], rollback=True)
     with pytest.raises(ValueError, match=r"other participants.*\.$"):
-        checkpoint.march_of(other, content)
-    with pytest.raises(ValueError, match=r"not of a run through time\.$"):
-        checkpoint.march_of(exchange, {"search": None})
+        checkpoint.load_march(other, content)
+    with pytest.raises(ValueError, match=r"not of a transient run\.$"):
+        checkpoint.load_march(exchange, {"search": None})
     with pytest.raises(ValueError, match=r"not of a coupled equilibrium\.$"):
-        checkpoint.search_of(in_process("typical_section"), content)
+        checkpoint.load_search(in_process("typical_section"), content)

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.problems import as_fmus, in_process, plate_wind, twist
-from master.acceleration import NewtonKrylov
-from master.coupling import CoupledStepFailed, Coupling, solve
-from master.fixed_point import fixed_point
-from master.run import coupled_run
-from master.schemes import SCHEMES, scheme
+from master.coupling import SCHEMES, CoupledStepFailed, Coupling, coupled_run, scheme, solve
+from master.coupling.acceleration import NewtonKrylov
+from master.coupling.fixed_point import fixed_point
 from tests.master.toys import Faulty
 
 

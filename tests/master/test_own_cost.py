@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from master.acceleration import IQNILS
+from master.coupling.acceleration import IQNILS
 
 COLUMNS = 50
 ATTEMPTS = 5  # a shared machine may disturb some

@@ -13,8 +13,8 @@ import pytest
 import scenes
 from fmus.aero_fmu import AeroFmu
 from fmus.builder import archive, build
-from master.blocks import grouped
-from master.participants import FmuParticipant, InProcessParticipant, StepFailed
+from master.coupling import FmuParticipant, InProcessParticipant, StepFailed
+from master.coupling.participants.blocks import grouped
 from tests.fmus.toy_fmu import Toy, ToyFmu
 
 LOADS = np.random.default_rng(7).normal(size=(6, 2, 3))

@@ -7,8 +7,8 @@ from benchmarks import kratos
 from benchmarks.coupling_reference import LIMITS, SETTINGS, candidates
 from benchmarks.coupling_reference import reference as table_of_schemes
 from benchmarks.reference_problems import REFERENCES, Linear
-from master.acceleration import IQNILS
-from master.fixed_point import fixed_point
+from master.coupling.acceleration import IQNILS
+from master.coupling.fixed_point import fixed_point
 
 # iqnils of Kratos 10.4.4: mean evaluations of G a step, iteration_horizon, timestep_horizon, alpha; the best of those
 # tried for each problem. Source: `.venv/bin/python -m benchmarks run coupling.reference`, docs/benchmarks.md.

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.reference_problems import AddedMass, BadlyScaledFields, Linear
-from master.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation, NewtonKrylov
-from master.fixed_point import fixed_point
+from master.coupling.acceleration import IQNILS, IQNIMVJ, Aitken, ConstantRelaxation, NewtonKrylov
+from master.coupling.fixed_point import fixed_point
 
 EVERY = {"explicit": ConstantRelaxation, "aitken": Aitken, "iqn-ils": IQNILS, "iqn-imvj": IQNIMVJ}
 LEARNING = {"iqn-ils": IQNILS, "iqn-imvj": IQNIMVJ}
@@ -346,7 +346,7 @@ def test_after_a_restart_the_first_step_is_a_careful_relaxation(name):
     fixed_point(problem.G, problem.x0, scheme, residual_rtol=1e-6)
     assert scheme.columns
     x, r = np.zeros(10), np.ones(10)
-    for within in (True, False):  # within a call, or between two as for a communication step that is begun anew
+    for within in (True, False):  # within a call, or between two as for a communication step that is restarted
         if within:
             scheme.begin([slice(None)])
         assert scheme.restart()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from benchmarks.random_problems import RandomProblem
-from master.fixed_point import fixed_point
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES
+from master.coupling.fixed_point import fixed_point
 
 SEEDS = range(60)  # of the 1000 of the benchmark
 SINGLE = [seed for seed in range(400) if RandomProblem(seed).n == 1][:8]

@@ -7,8 +7,8 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.reference_problems import AddedMass
 from benchmarks.reference_tubes import RingWallTube, Tube
-from master.acceleration import IQNILS, ConstantRelaxation
-from master.fixed_point import fixed_point
+from master.coupling.acceleration import IQNILS, ConstantRelaxation
+from master.coupling.fixed_point import fixed_point
 
 
 def dense(bands, width):

@@ -15,12 +15,10 @@ import master.report
 import scenes
 from aero import AeroModel
 from master.cli import app
-from master.coupling import Coupling
-from master.report import RESULTS, final_state, missing_libraries, versions, write_report
+from master.coupling import SCHEMES, Coupling, coupled_run
+from master.report import RESULTS, final_state, missing_libraries, summary, versions, write_report
 from master.report.state import Surface
 from master.report.vtk import wing_file
-from master.run import coupled_run, summary
-from master.schemes import SCHEMES
 
 CHOICES = {
     "scheme": "iqn-ils",

@@ -8,13 +8,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.text import Text
 
 import scenes
-from master.coupling import Coupling
+from master.coupling import SCHEMES, Coupling, coupled_run
 from master.report import final_state
 from master.report.convergence import convergence_figure
 from master.report.figures import polar_figure, rendered, strip_figure
 from master.report.shape import shape_figure
-from master.run import coupled_run
-from master.schemes import SCHEMES
 
 WIND = np.array([8.0, 0.0, 0.0])
 

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 import scenes
-from master.coupling import Coupling
-from master.report import final_state, result_rows
+from master.coupling import SCHEMES, Coupling, coupled_run
+from master.report import final_state, result_rows, summary
 from master.report.page import cell
 from master.report.state import loose_lines
-from master.run import coupled_run, summary
-from master.schemes import SCHEMES
 
 
 def flown(name, **given):

@@ -1,4 +1,4 @@
-"""A coupled solve that is interrupted anywhere goes on to the last bit as if it had not been."""
+"""A coupled solve that is interrupted anywhere continues to the last bit as if it had not been."""
 
 import json
 import os
@@ -12,9 +12,8 @@ import pytest
 
 import master
 from benchmarks.problems import in_process
-from master import checkpoint, commands, restart
-from master.coupling import solve
-from master.schemes import scheme
+from master import commands, restart
+from master.coupling import checkpoint, scheme, solve
 from tests.master.kept_runs import CASES, Interrupted, about, begun
 
 ROOT = Path(master.__file__).parents[1]
@@ -56,7 +55,7 @@ def test_a_coupled_solve_goes_on_bitwise_from_every_coupling_iteration(name, met
         search, remarks = restart.resumed(
             path, coupling, fresh, about(name, coupling, scheme=method, order=order), {}
         )  # fmt: skip
-        assert remarks == [f"went on from {path.name} after {at} coupling iterations"]
+        assert remarks == [f"restarted from {path.name} after {at} coupling iterations"]
         again = solve(coupling, fresh, atol=1e-7, order=order, search=search)
         assert_same(again, whole)
         for entry in ("_shares", "_floor", "_omega", "_size"):
@@ -80,14 +79,14 @@ def test_fewer_iterations_than_were_made_before_the_tolerance_was_tightened_end_
     used = scheme("relaxation", omega=0.5)
     options = {"atol": 1e-2, "force_tolerance": 1e-6}
 
-    def hold(search, warmth):
+    def hold(search, snapshot):
         if search.tighter < 1.0:
-            kept.append(pickle.dumps(checkpoint.of_search(coupling, used, search, warmth)))
+            kept.append(pickle.dumps(checkpoint.dump_search(coupling, used, search, snapshot)))
 
     solve(coupling, used, hold=hold, **options)
     assert kept
     again = in_process("typical_section", wind_speed=15.0)
-    search = checkpoint.search_of(again, pickle.loads(kept[0]))
+    search = checkpoint.load_search(again, pickle.loads(kept[0]))
     result = solve(again, used, max_iterations=1, search=search, **options)
     assert result.status == "max_iterations"
 
@@ -100,7 +99,7 @@ def test_fewer_iterations_than_were_made_before_the_tolerance_was_tightened_end_
         (
             {"scheme": "aitken"},
             {},
-            "aitken; coupling iterations are counted anew, without the history of another scheme",
+            "aitken; coupling iterations are counted from 1 again, without the history of another scheme",
         ),
         ({"parameters": {"wind_speed": 16.0}}, {"wind_speed": "16"}, "wind_speed 15.0 -> 16.0"),
     ],
@@ -114,7 +113,7 @@ def test_a_restart_with_other_settings_says_what_changed_and_finds_what_a_fresh_
             begun("section", path, 2)
     else:
         result, coupling, used = begun("section", path, -1)
-        restart.Keeper(path, 1, coupling, used, about("section", coupling)).end(result)
+        restart.CheckpointWriter(path, 1, coupling, used, about("section", coupling)).end(result)
     coupling = in_process("typical_section", **CASES["section"][1])
     now = about("section", coupling) | change
     used = scheme(now["scheme"])
@@ -132,20 +131,20 @@ import sys
 from pathlib import Path
 from benchmarks.problems import as_fmus
 from fmus.builder import archive
-from master import checkpoint, commands, restart
-from master.coupling import solve
-from master.schemes import scheme
+from master import commands, restart
+from master.coupling import checkpoint
+from master.coupling import scheme, solve
 
 path, at = Path(sys.argv[1]), int(sys.argv[2])
 about = {"scene": "typical_section", "scene_settings": {}, "parameters": {}, "order": "serial"}
 with as_fmus("typical_section", wind_speed=15.0) as coupling:
     used, search = scheme("iqn-ils"), None
-    keeper = restart.Keeper(path if at >= 0 else None, 1, coupling, used, about)
+    keeper = restart.CheckpointWriter(path if at >= 0 else None, 1, coupling, used, about)
     if at == -2:
         search, _ = restart.resumed(path, coupling, used, about, {})
 
-    def hold(search, warmth):
-        keeper(search, warmth)
+    def hold(search, snapshot):
+        keeper(search, snapshot)
         if len(search.history) == at:
             import os
             os._exit(3)
@@ -194,13 +193,13 @@ CHOICES = {
 
 def test_the_command_goes_on_from_the_end_of_another_run_with_another_wind(tmp_path):
     path = tmp_path / "kept.checkpoint"
-    keep = restart.Files(checkpoint=path)
+    keep = checkpoint.Files(checkpoint=path)
     assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
     about_, _ = checkpoint.read(path)
     assert about_["status"] == "converged"
-    onward = restart.Files(restart=path)
+    onward = checkpoint.Files(restart=path)
     counts = {}
-    for name, files in (("warm", onward), ("cold", restart.Files())):
+    for name, files in (("warm", onward), ("cold", checkpoint.Files())):
         assert commands.run_scene("v3_kite", CHOICES, {"wind_speed": "12.5"}, tmp_path / name, files) == 0
         content = json.loads((tmp_path / name / "summary.json").read_text())
         counts[name] = content["coupling_iterations"]
@@ -210,9 +209,9 @@ def test_the_command_goes_on_from_the_end_of_another_run_with_another_wind(tmp_p
 
 def test_the_command_refuses_other_settings_of_a_scene(tmp_path):
     path = tmp_path / "kept.checkpoint"
-    keep, onward = restart.Files(checkpoint=path), restart.Files(restart=path)
+    keep, onward = checkpoint.Files(checkpoint=path), checkpoint.Files(restart=path)
     assert commands.run_scene("typical_section", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
     with pytest.raises(ValueError, match=r"has variant = divergent, this run restoring.*\.$"):
         commands.run_scene("typical_section", CHOICES, {"variant": "restoring"}, tmp_path / "b", onward)
     with pytest.raises(ValueError, match=r"--checkpoint-every must be at least 1.*\.$"):
-        commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", restart.Files(path, 0))
+        commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", checkpoint.Files(path, 0))

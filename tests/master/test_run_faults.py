@@ -8,9 +8,8 @@ import pytest
 
 from benchmarks.problems import BACKENDS, in_process
 from master import commands, restart
-from master.coupling import Coupling, solve
-from master.run import coupled_run, summary
-from master.schemes import scheme
+from master.coupling import Coupling, coupled_run, scheme, solve
+from master.report import summary
 from tests.master.toys import Faulty
 
 SETTINGS = {"scene": "x", "scheme": "iqn-ils", "backend": "in-process"}
@@ -193,10 +192,10 @@ def test_a_restart_that_begins_a_new_loop_frees_what_it_read(tmp_path):
 
     coupling = wrapped(in_process("v3_kite", wind_speed=12.0), {}, "aero")
     used = scheme("iqn-ils")
-    keeper = restart.Keeper(path, 1, coupling, used, about)
+    keeper = restart.CheckpointWriter(path, 1, coupling, used, about)
 
-    def hold(search, warmth):
-        keeper(search, warmth)
+    def hold(search, snapshot):
+        keeper(search, snapshot)
         if len(search.history) == 4:
             raise Stop
 
@@ -259,7 +258,7 @@ def test_a_restart_in_the_other_order_begins_without_history(tmp_path):
     about = {"scene": "v3_kite", "scene_settings": {}, "parameters": {}, "order": "serial", "tolerance": 1e-5}
     for order, other in (("serial", "parallel"), ("parallel", "serial")):
         coupling, used = in_process("v3_kite", wind_speed=12.0), scheme("iqn-ils")
-        keeper = restart.Keeper(path, 1, coupling, used, about | {"order": order})
+        keeper = restart.CheckpointWriter(path, 1, coupling, used, about | {"order": order})
         solve(coupling, used, order=order, hold=keeper)
         again, used = in_process("v3_kite", wind_speed=12.0), scheme("iqn-ils")
         search, (remark,) = restart.resumed(path, again, used, about | {"order": other}, {})
@@ -278,11 +277,11 @@ def test_a_fault_after_a_restart_is_overcome_from_the_same_best_point(tmp_path, 
 
     def run(stop=None, again=False, faults=None):
         coupling, used = wrapped(in_process("v3_kite", wind_speed=12.0), faults, "aero"), scheme(name)
-        keeper = restart.Keeper(path, 1, coupling, used, about)
+        keeper = restart.CheckpointWriter(path, 1, coupling, used, about)
         search = restart.resumed(path, coupling, used, about, {})[0] if again else None
 
-        def hold(search, warmth):
-            keeper(search, warmth)
+        def hold(search, snapshot):
+            keeper(search, snapshot)
             if len(search.history) == stop:
                 raise Stop
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from master.acceleration import ConstantRelaxation
-from master.fixed_point import fixed_point
-from master.spectrum import critical_relaxation, dominant_eigenvalue, rightmost_eigenvalue
+from master.coupling.acceleration import ConstantRelaxation
+from master.coupling.fixed_point import fixed_point
+from master.coupling.spectrum import critical_relaxation, dominant_eigenvalue, rightmost_eigenvalue
 
 
 def spectral_map(leading, n, normal=True, noise=0.0, seed=0):

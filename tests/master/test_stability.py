@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from master.spectrum import Eigenvalue
-from master.stability import _judged
+from master.coupling.spectrum import Eigenvalue
+from master.coupling.stability import _judged
 
 
 def spectrum(*ritz, settled=True):

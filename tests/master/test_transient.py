@@ -1,4 +1,4 @@
-"""Runs through time: order of coupled motion, results, inputs over time, refusals."""
+"""Transient runs: order of coupled motion, results, inputs over time, refusals."""
 
 import csv
 import json
@@ -12,9 +12,8 @@ from benchmarks.particle_kite import flown as kite_flown
 from master import compare
 from master.cli import app
 from master.commands import opened
-from master.participants import InProcessParticipant
-from master.transient import simulate
-from master.transient.inputs import Inputs
+from master.coupling import InProcessParticipant, simulate
+from master.coupling.simulation import Inputs
 from scenes import load
 
 
@@ -140,10 +139,13 @@ def test_inputs_that_cannot_be_are_one_sentence_and_nothing_is_written(text, wor
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["v3_kite", "--stop-time", "1"], "--stop-time is for scenes in motion"),
+        (["v3_kite", "--stop-time", "1"], "--stop-time is for transient scenes"),
         (["tether_in_wind", "--step", "0"], "--step must be a number of seconds above zero"),
         (["tether_in_wind", "--step", "0.3", "--stop-time", "1"], "no whole number of communication steps"),
-        (["tether_in_wind", "--scheme", "newton-krylov", "--backend", "in-process"], "derivatives of equilibria"),
+        (
+            ["tether_in_wind", "--scheme", "newton-krylov", "--backend", "in-process"],
+            "derivatives of quasi-static solves",
+        ),
         (["tether_in_wind", "--live"], "--live"),
         (["tether_in_wind", "--checkpoint", "missing/a.ckp"], "there is no folder missing"),
         (["tether_in_wind", "--restart", "missing.ckp"], "checkpoint missing.ckp cannot be read"),
@@ -183,7 +185,7 @@ def test_time_is_no_matter_where_nothing_moves(tmp_path):
     words = ["compare", "typical_section", "--stop-time", "1", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 2
-    assert "for scenes in motion" in result.output
+    assert "for transient scenes" in result.output
 
 
 @pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
@@ -201,7 +203,7 @@ def test_a_run_goes_on_from_a_checkpoint_to_the_last_bit(scheme, backend, tmp_pa
     _, whole = flown("whole", 0.8)
     flown("half", 0.4, "--checkpoint", tmp_path / "a.ckp", "--checkpoint-every", 3)
     said, rest = flown("rest", 0.8, "--restart", tmp_path / "a.ckp")
-    assert "went on from a.ckp at 0.4 s" in said
+    assert "restarted from a.ckp at 0.4 s" in said
     assert rest[2:] == whole[6:]  # header and the row that the restart begins with aside
     for name in ("nodes.csv", "elements.csv", "line_loads.csv"):
         assert (tmp_path / "rest" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
@@ -270,8 +272,8 @@ def test_a_failed_step_of_a_structure_alone_ends_the_run_with_a_status(scheme, t
 
 def test_the_list_of_scenes_says_which_move():
     result = CliRunner().invoke(app, ["scenes", "tether_in_wind"])
-    assert "in motion: to 60 s in communication steps of 0.1 s" in result.output
-    assert "in motion" not in CliRunner().invoke(app, ["scenes", "typical_section"]).output
+    assert "transient: to 60 s in communication steps of 0.1 s" in result.output
+    assert "transient" not in CliRunner().invoke(app, ["scenes", "typical_section"]).output
 
 
 def test_a_step_that_cannot_be_solved_ends_the_run_with_what_was_reached(tmp_path):

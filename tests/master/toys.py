@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from master.blocks import Blocks, Limits
-from master.participants import StepFailed
+from master.coupling import StepFailed
+from master.coupling.participants.blocks import Blocks, Limits
 
 
 class Toy(Blocks):

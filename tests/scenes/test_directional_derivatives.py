@@ -12,8 +12,7 @@ import scenes
 from aero.vortex_step import WingSensitivity
 from interface import StepFailed
 from master import IQNILS
-from master.coupling import Coupling, solve
-from master.participants import InProcessParticipant
+from master.coupling import Coupling, InProcessParticipant, solve
 from structural import mirror_permutation
 
 FLIP = np.array([1.0, -1.0, 1.0])

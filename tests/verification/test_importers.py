@@ -6,9 +6,8 @@ import pytest
 import scenes
 from benchmarks.problems import in_process, loaded
 from fmus.builder import build
-from master.acceleration import IQNILS
-from master.coupling import solve
-from master.participants import FmuParticipant
+from master.coupling import FmuParticipant, solve
+from master.coupling.acceleration import IQNILS
 
 LOADS = ("pressure", "shear", "line_load")
 

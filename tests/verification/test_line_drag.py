@@ -8,8 +8,7 @@ import scenes
 from aero import line_loads
 from benchmarks.problems import in_process
 from master import Aitken, fixed_point
-from master.coupling import solve
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, solve
 from structural import Assembly, Chains, LineLoad, Lines, Loads, Structure, equilibrium, tensions
 
 

@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 
 from benchmarks.problems import ALPHA_0, DENSITY, as_fmus, divergence_pressure, in_process, plate_wind, twist
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation
-from master.coupling import solve
-from master.run import coupled_run
-from master.schemes import SCHEMES
+from master.coupling import SCHEMES, coupled_run, solve
+from master.coupling.acceleration import IQNILS, Aitken, ConstantRelaxation
 
 ALONG = {"wind_direction": (np.cos(1e-3), 0.0, np.sin(1e-3))}  # incidence of 1e-3 rad
 BELOW = [("divergent", t) for t in np.linspace(0.0005, 0.03, 10)]  # q / q_D = 0.09 ... 0.86

@@ -5,12 +5,10 @@ import pytest
 
 import scenes
 from benchmarks.problems import as_fmus, in_process
-from master.acceleration import IQNILS, Aitken, ConstantRelaxation
-from master.coupling import solve
-from master.fixed_point import fixed_point
-from master.run import coupled_run
-from master.schemes import SCHEMES
-from master.spectrum import critical_relaxation, dominant_eigenvalue
+from master.coupling import SCHEMES, coupled_run, solve
+from master.coupling.acceleration import IQNILS, Aitken, ConstantRelaxation
+from master.coupling.fixed_point import fixed_point
+from master.coupling.spectrum import critical_relaxation, dominant_eigenvalue
 
 SPEEDS = (8.0, 12.0, 20.0)
 MOST_ITERATIONS = {8.0: 15, 12.0: 15, 20.0: 20}

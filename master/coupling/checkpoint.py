@@ -1,0 +1,180 @@
+"""Checkpoint and restart: the state of a coupled run in one file, so that it can continue as if it had never stopped.
+
+The file has a line that says what it is, a line of JSON for people, and pickled content, checked by its SHA-256.
+Pickles can run code when they are read: read only files of your own.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from interface import StepFailed
+from master.coupling.acceleration import Scheme
+from master.coupling.acceleration.scheme import adopt
+from master.coupling.exchange import Exchange, StateSnapshot
+from master.coupling.march import March
+from master.coupling.steady import Search
+
+MAGIC = b"kitecosim checkpoint 3\n"
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where a run keeps a checkpoint, after how many coupling iterations (transient: steps) each, and which one it
+    continues from. ValueError in one sentence for `every` below 1 and for a place that takes no file.
+    """
+
+    checkpoint: Path | None = None
+    every: int = 1
+    restart: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
+        if self.checkpoint is not None and self.checkpoint.is_dir():
+            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
+        if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
+            raise ValueError(
+                f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
+            )
+
+
+NO_FILES = Files()
+
+
+def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]) -> None:
+    """Write a checkpoint, whole or not at all; `about` is what people read in its second line. ValueError in one
+    sentence if it cannot be written.
+    """
+    path = Path(path)
+    try:
+        data = pickle.dumps(dict(content), protocol=5)
+    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        raise ValueError(f"checkpoint {path} cannot be written: {str(error).rstrip('.')}.") from error
+    head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
+    part = path.with_name(path.name + ".part")
+    try:
+        part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
+        os.replace(part, path)
+    except OSError as error:
+        raise ValueError(f"checkpoint {path} cannot be written ({(error.strerror or str(error)).lower()}).") from None
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def head(path: str | Path) -> dict[str, Any]:
+    """What a checkpoint is about; ValueError in one sentence if it is not a sound one. Nothing is unpickled."""
+    about, _ = _parts(path)
+    return about
+
+
+def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a checkpoint is about, and its content; ValueError in one sentence if it is not a sound one."""
+    about, data = _parts(path)
+    try:
+        return about, pickle.loads(data)
+    except (ValueError, LookupError, TypeError, pickle.PickleError, AttributeError, ImportError, EOFError):
+        raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
+
+
+def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
+    """What a checkpoint is about, and its content as bytes that are whole."""
+    try:
+        raw = Path(path).read_bytes()
+    except OSError as error:
+        raise ValueError(f"checkpoint {path} cannot be read ({(error.strerror or str(error)).lower()}).") from None
+    if not raw.startswith(MAGIC):
+        if raw.startswith(MAGIC[:-2]):
+            raise ValueError(f"checkpoint {path} was written by another version of kitecosim; begin without it.")
+        raise ValueError(f"{path} is not a checkpoint of kitecosim; name one, or begin without it.")
+    line, _, data = raw[len(MAGIC) :].partition(b"\n")
+    try:
+        about: dict[str, Any] = json.loads(line)
+        if about.pop("sha256") != hashlib.sha256(data).hexdigest():
+            raise ValueError
+    except (ValueError, LookupError, TypeError, AttributeError):
+        raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
+    return about, data
+
+
+def serialised(exchange: Exchange, states: Mapping[str, Any]) -> dict[str, bytes]:
+    """States of the participants as bytes."""
+    return {name: exchange.participants[name].serialised(state) for name, state in states.items()}
+
+
+def dump_participants(exchange: Exchange) -> dict[str, Any]:
+    """Clock, counters and serialised states of the participants as they are now."""
+    now = exchange.save()
+    try:
+        kept = serialised(exchange, now)
+    finally:
+        exchange.free(now)
+    return {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
+
+
+def load_participants(exchange: Exchange, kept: Mapping[str, Any]) -> None:
+    """Restore participants made alike from what `dump_participants` gave; ValueError in one sentence for others."""
+    if missing := sorted(kept["states"].keys() ^ exchange.saving()):
+        raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
+    (begin, count), dt = kept["clock"], kept["dt"]
+    exchange.clock = (begin, count) if dt == exchange.dt else (begin + count * dt, 0)
+    exchange.evaluations = kept["evaluations"]
+    states: dict[str, Any] = {}
+    try:
+        for name, data in kept["states"].items():
+            states[name] = exchange.participants[name].deserialised(data)
+        exchange.restore(states)
+    except StepFailed as error:
+        raise ValueError(f"the checkpoint does not fit: {error}.") from error
+    finally:
+        exchange.free(states)
+
+
+def dump_search(coupling: Exchange, scheme: Scheme, search: Search, snapshot: StateSnapshot | None) -> dict[str, Any]:
+    """Content of a checkpoint of a coupled solve; `snapshot` None after its end."""
+    best = None if snapshot is None else {"states": serialised(coupling, snapshot.states), "clock": snapshot.clock}
+    return {"search": search, "scheme": scheme, "participants": dump_participants(coupling), "best": best}
+
+
+def load_search(coupling: Exchange, content: Mapping[str, Any]) -> Search:
+    """Restore the participants of a coupled solve; what `solve` continues from."""
+    if "search" not in content:
+        raise ValueError("the checkpoint is not of a coupled equilibrium.")
+    search: Search = content["search"]
+    load_participants(coupling, content["participants"])
+    if content["best"] is not None:
+        best = content["best"]["states"]
+        states = {n: coupling.participants[n].deserialised(data) for n, data in best.items()}
+        search.best = states, content["best"]["clock"]
+    return search
+
+
+def dump_march(exchange: Exchange, scheme: Scheme | None, begun: March) -> dict[str, Any]:
+    """Content of a checkpoint of a transient run."""
+    return {"march": begun, "scheme": scheme, "participants": dump_participants(exchange)}
+
+
+def load_march(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | None = None) -> March:
+    """Restore the participants of a transient run; what `march` continues from as `begun`.
+
+    A `scheme` of the kind of then takes over its history. ValueError in one sentence for a checkpoint of something
+    else or of other participants.
+    """
+    if "march" not in content:
+        raise ValueError("the checkpoint is not of a transient run.")
+    load_participants(exchange, content["participants"])
+    if scheme is not None:
+        adopt(scheme, content["scheme"])
+    begun: March = content["march"]
+    return begun
+
+
+# Their names in releases up to 0.1
+of_search, search_of, of_march, march_of = dump_search, load_search, dump_march, load_march

@@ -1,0 +1,109 @@
+"""Convergence monitor: when a fixed point counts as found, and whether the iteration still makes progress."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from master.coupling.acceleration import Field
+
+Tolerance = float | Mapping[str, float] | Sequence[float]
+
+ROUNDING = 8.0 * np.finfo(float).eps  # a residual below this fraction of x_tilde is zero in double precision
+
+
+class ConvergenceMonitor:
+    """Convergence criterion and progress measure of a coupling loop, with the first residuals and the best measure."""
+
+    def __init__(self, names: list[str], atol: Tolerance, rtol: Tolerance, residual_rtol: Tolerance):
+        self.atol, self.rtol = per_field("atol", atol, names), per_field("rtol", rtol, names)
+        self.residual_rtol = per_field("residual_rtol", residual_rtol, names)
+        for name, *given in zip(names, self.atol, self.rtol, self.residual_rtol, strict=True):
+            if not any(given):
+                raise ValueError(f"All tolerances of field '{name}' are zero; set atol, rtol or residual_rtol.")
+        self.reference = np.zeros(len(names))  # |r_1| of each field
+        self.scale = np.zeros(len(names))  # first tolerance of each field that is not zero
+        self.converged = False
+        self.first = 0.0
+        self.best = math.inf
+        self.progressed_at = 0
+        self.history: list[float] = []
+
+    def measure(self, r: np.ndarray, size: np.ndarray) -> float:
+        """max |r_f| / tolerance_f of this evaluation, from the norms of r and x_tilde of each field."""
+        significant = r > ROUNDING * size
+        self.reference = np.where((self.reference == 0.0) & significant, r, self.reference)
+        tolerance = self.atol + self.rtol * size + self.residual_rtol * self.reference
+        self.converged = bool(np.all((r <= tolerance) | ~significant))
+        self.scale = np.where(self.scale == 0.0, tolerance, self.scale)
+        with np.errstate(over="ignore"):
+            m = float(np.max(r / np.where(self.scale > 0.0, self.scale, np.inf), initial=0.0))
+        if self.first == 0.0:
+            self.first = m
+        if m < 0.99 * self.best:
+            self.best, self.progressed_at = m, len(self.history) + 1
+        self.history.append(m)
+        return m
+
+    @property
+    def improved(self) -> bool:
+        """Whether the last measure is the smallest so far, by more than 1 %."""
+        return self.progressed_at == len(self.history)
+
+    def restart(self) -> None:
+        """Do not count earlier evaluations as time without progress."""
+        self.progressed_at = len(self.history)
+
+    def stalled(self, window: int) -> bool:
+        """Whether the smallest measure has not fallen within `window` evaluations, nor is m on its way down."""
+        if len(self.history) - self.progressed_at <= window:
+            return False
+        h = self.history
+        return all(min(h[-p:]) >= 0.9 * min(h[-2 * p : -p]) for p in (max(1, window // 6), max(1, window // 2)))
+
+    def grows(self, window: int) -> bool:
+        """Whether the median measure of the latest half of the window is more than three times that of the other."""
+        half = max(1, window // 2)
+        return bool(np.median(self.history[-half:]) > 3.0 * np.median(self.history[-2 * half : -half]))
+
+
+def norm(a: np.ndarray) -> float:
+    """|a|_2 without overflow or underflow of the squares; nan or inf where an entry is."""
+    largest = float(np.max(np.abs(a), initial=0.0))
+    return largest * float(np.linalg.norm(a / largest)) if 0.0 < largest < math.inf else largest
+
+
+def partition(fields: Mapping[str, Field] | None, n: int) -> tuple[list[str], list[Field]]:
+    """Names and index sets of the fields; they must cover 0..n-1 exactly once."""
+    if fields is None:
+        return ["x"], [slice(None)]
+    seen = np.zeros(n, dtype=int)
+    for name, part in fields.items():
+        try:
+            entries = np.arange(n)[part]
+        except IndexError as error:
+            raise ValueError(f"Field '{name}' does not fit into x with {n} entries: {error}.") from error
+        if np.size(entries) == 0:
+            raise ValueError(f"Field '{name}' has no entries.")
+        np.add.at(seen, entries, 1)
+    if np.any(seen > 1):
+        raise ValueError(f"Fields overlap: entry {int(np.argmax(seen > 1))} of x belongs to more than one.")
+    if np.any(seen == 0):
+        raise ValueError(f"Fields are incomplete: entry {int(np.argmax(seen == 0))} of x belongs to none.")
+    return list(fields), [part if isinstance(part, slice) else np.arange(n)[part] for part in fields.values()]
+
+
+def per_field(name: str, tolerance: Tolerance, names: list[str]) -> np.ndarray:
+    """One value for each field, finite and not negative."""
+    if isinstance(tolerance, Mapping):
+        if set(tolerance) != set(names):
+            raise ValueError(f"{name} must name every field once: {', '.join(names)}.")
+        tolerance = [tolerance[field] for field in names]
+    values = np.array(tolerance, dtype=float)
+    if values.ndim == 0:
+        values = np.full(len(names), float(values))
+    if values.shape != (len(names),):
+        raise ValueError(f"{name} must be one number or one per field ({len(names)}).")
+    if not np.all(np.isfinite(values)) or np.any(values < 0.0):
+        raise ValueError(f"{name} must be finite and not negative.")
+    return values

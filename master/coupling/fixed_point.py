@@ -1,0 +1,183 @@
+"""The coupling loop: repeat x <- scheme(x, G(x) - x) until every field has converged, or say why not."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from master.coupling.acceleration import Field, Scheme
+from master.coupling.convergence import ConvergenceMonitor, Tolerance, norm, partition
+from master.coupling.recovery import Anchor, Loop, Progress, Recovery
+
+Status = Literal["converged", "max_iterations", "diverged", "stalled"]
+
+
+@dataclass(frozen=True, eq=False)
+class FixedPointResult:
+    """End of a coupling loop.
+
+    `x` is the last point where G was evaluated, so that the tested residual `x_tilde - x` belongs to it; `x_tilde` =
+    G(x) is normally the better point. Both have the shape and unit of x0. `iterations` counts evaluations of G;
+    `residual_norms` (iterations,) holds |r|_2 over all entries, `field_residual_norms` the same of each field.
+    `recoveries` lists what went wrong on the way and was overcome (or was not, if the status is not "converged").
+    """
+
+    x: np.ndarray
+    x_tilde: np.ndarray
+    status: Status
+    iterations: int
+    residual_norms: np.ndarray
+    field_residual_norms: dict[str, np.ndarray]
+    message: str
+    recoveries: tuple[Recovery, ...] = ()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the tolerances hold in every field."""
+        return self.status == "converged"
+
+
+def fixed_point(
+    G: Callable[[np.ndarray], np.ndarray],
+    x0: np.ndarray,
+    scheme: Scheme,
+    atol: Tolerance = 0.0,
+    rtol: Tolerance = 0.0,
+    residual_rtol: Tolerance = 0.0,
+    max_iterations: int = 200,
+    fields: Mapping[str, Field] | None = None,
+    callback: Callable[[int, np.ndarray, np.ndarray, np.ndarray], object] | None = None,
+    growth_limit: float = 1e6,
+    stall_window: int = 30,
+    recoveries: int = 3,
+    anchor: Anchor | None = None,
+    hold: Callable[[Progress], object] | None = None,
+    progress: Progress | None = None,
+) -> FixedPointResult:
+    """Solve x = G(x) from x0 with an acceleration scheme.
+
+    Converged means |r|_2 <= atol + rtol |x_tilde|_2 + residual_rtol |r_1|_2 in every field, with r = x_tilde - x. A
+    tolerance is one number or one per field (mapping by name, or sequence in the order of `fields`). r_1 is the first
+    residual of the field that is not zero to rounding; one that is zero to rounding has converged. `fields` maps names
+    to slices or index arrays of the flattened x and covers it exactly once (none where x has no entries).
+    `callback(k, x, x_tilde, r)` follows each evaluation.
+
+    Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
+    "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G or the scheme raises an
+    ArithmeticError (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not
+    fallen by 1 % within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the
+    smallest m of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. It is
+    "diverged" if the median of the latest half is more than three times that of the half before. Other exceptions of G
+    pass through. Floating-point warnings in G are silent, because the outcome is checked. Bad arguments raise
+    ValueError.
+
+    Before a loop ends as diverged or stalled it tries again, at most `recoveries` times in all and once after a stall.
+    An evaluation that failed is repeated half-way to the best point so far (at the first evaluation: where it was).
+    After two failures in a row, growth or a stall the scheme restarts, more carefully, from the best point; schemes
+    that know no more careful way (constant relaxation) end at once after growth or a stall. `anchor` restores the
+    states that solvers with a memory had at that point. `hold(progress)` is called before every evaluation with what
+    the loop needs to continue from there; given back as `progress`, with the scheme as it was then, the loop continues
+    bitwise as it would have.
+    """
+    _require(max_iterations, growth_limit, stall_window, recoveries)
+    x0 = np.array(x0, dtype=float)
+    if not np.all(np.isfinite(x0)) or (x0.size == 0 and fields is None):
+        raise ValueError("x0 must have at least one entry and all its entries must be finite.")
+    names, parts = partition(fields, x0.size)
+    shape = x0.shape
+    p = progress
+    if p is None:
+        p = Progress(x0.ravel(), ConvergenceMonitor(names, atol, rtol, residual_rtol))
+        scheme.begin(parts)
+    loop = Loop(p, scheme, recoveries, anchor)
+    ended: tuple[Status, str] | None = None
+    while ended is None:
+        if hold is not None:
+            hold(p)
+        k, x = p.evaluations + 1, p.x
+        x_tilde, failure = _evaluate(G, x.reshape(shape), k)
+        with np.errstate(all="ignore"):
+            r = x_tilde - x
+            norms = np.array([(norm(r[f]), norm(x_tilde[f])) for f in parts]).reshape(-1, 2)
+            p.residual_norms.append(norm(r))
+        p.field_norms.append(norms[:, 0])
+        if callback is not None:
+            callback(k, x.reshape(shape).copy(), x_tilde.reshape(shape).copy(), r.reshape(shape).copy())
+        if not failure and not np.all(np.isfinite(norms)):
+            failure = f"G returned values that are not finite at evaluation {k}."
+        if failure:
+            ended = None if k < max_iterations and loop.retreat(failure) else ("diverged", failure)
+        else:
+            ended = _judged(loop, x, r, norms, max_iterations, growth_limit, int(stall_window))
+    status, message = ended
+    scheme.end(status, x, r)
+    return FixedPointResult(
+        x=x.reshape(shape),
+        x_tilde=x_tilde.reshape(shape),
+        status=status,
+        iterations=p.evaluations,
+        residual_norms=np.array(p.residual_norms),
+        field_residual_norms=dict(zip(names, np.array(p.field_norms).T, strict=True)),
+        message=message,
+        recoveries=tuple(p.recoveries),
+    )
+
+
+def _require(max_iterations: int, growth_limit: float, stall_window: int, recoveries: int) -> None:
+    if isinstance(max_iterations, bool) or int(max_iterations) != max_iterations or max_iterations < 1:
+        raise ValueError(f"max_iterations must be a whole number >= 1, got {max_iterations}.")
+    if not growth_limit > 1.0 or stall_window < 0 or recoveries < 0:
+        raise ValueError("growth_limit must be above 1, stall_window and recoveries not negative.")
+
+
+def _judged(
+    loop: Loop,
+    x: np.ndarray,
+    r: np.ndarray,
+    norms: np.ndarray,
+    max_iterations: int,
+    growth_limit: float,
+    stall_window: int,
+) -> tuple[Status, str] | None:
+    """How the loop ends after an evaluation with finite `norms` (fields, 2) of r and x_tilde, None if it goes on."""
+    p, monitor = loop.progress, loop.progress.monitor
+    k = p.evaluations
+    measure = monitor.measure(norms[:, 0], norms[:, 1])
+    if monitor.converged:
+        return "converged", f"Converged in {k} evaluations of G."
+    if monitor.improved or p.best is None:
+        failure = loop.mark(x, r)
+        if failure:
+            return "diverged", f"After evaluation {k} {failure}."
+    more = k < max_iterations
+    if measure > growth_limit * monitor.first:
+        failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
+        return None if more and loop.restart(failure) else ("diverged", failure)
+    if stall_window and monitor.stalled(stall_window):
+        grows = monitor.grows(stall_window)
+        failure = (
+            f"The residual has {'grown' if grows else 'not fallen'} over the last {stall_window} evaluations of G."
+        )
+        if more and not p.stalls and loop.restart(failure):
+            p.stalls += 1
+            return None
+        return "diverged" if grows else "stalled", failure
+    if not more:
+        return "max_iterations", f"Not converged within {max_iterations} evaluations of G."
+    failure = loop.advance(x, r)
+    return ("diverged", f"After evaluation {k} {failure}.") if failure else None
+
+
+def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> tuple[np.ndarray, str]:
+    """G(x) flattened, and a sentence if the arithmetic of G broke down (the values are nan then)."""
+    try:
+        with np.errstate(all="ignore"):
+            x_tilde = np.array(G(x.copy()), dtype=float)
+    except ArithmeticError as error:
+        builtin = type(error).__module__ == "builtins"
+        reason = f"G raised {type(error).__name__}: {error}" if builtin else str(error)
+        return np.full(x.size, np.nan), f"At evaluation {k} {reason.rstrip('.')}."
+    if x_tilde.shape != x.shape:
+        raise ValueError(f"G must return the shape of x0, {x.shape}, but returned {x_tilde.shape}.")
+    return x_tilde.ravel(), ""

@@ -1,0 +1,261 @@
+"""An FMI 2.0 co-simulation FMU as a participant.
+
+An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one C call a block on prebuilt arrays.
+"""
+
+import contextlib
+import itertools
+import os
+import shutil
+import tempfile
+import weakref
+from collections import deque
+from collections.abc import Mapping, Sequence
+from ctypes import byref, c_char, c_char_p, c_size_t, c_uint, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy import calloc, extract, free, platform, read_model_description
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.logging import addLoggerProxy
+
+from interface import StepFailed
+from master.coupling.participants.blocks import Blocks, Channel, described_limits, grouped
+
+# fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
+# lives for ever, and finds the participant by the environment pointer that FMI hands through.
+_LISTENERS: "weakref.WeakValueDictionary[int, FmuParticipant]" = weakref.WeakValueDictionary()
+_NUMBERS = itertools.count(1)
+
+
+def _hear(environment: int, _instance: bytes, status: int, _category: bytes, message: bytes) -> None:
+    participant = _LISTENERS.get(environment)
+    if participant is not None and message is not None:
+        participant.hear(status, message.decode("utf-8", "replace"))
+
+
+_LOGGER = fmi2CallbackLoggerTYPE(_hear)
+_PROXIED = fmi2CallbackFunctions()
+_PROXIED_POINTER = byref(_PROXIED)
+_WARNING, _DISCARD, _ERROR, _FATAL = 1, 2, 3, 4  # fmi2Status
+
+
+def _needed(path: str) -> bool:
+    """Whether a file of an FMU is of use here: the binaries of other platforms are not."""
+    return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
+
+
+class FMU2Sparse(FMU2Slave):  # fmpy tells the version of FMI by the first letters of the name
+    """A library that may lack functions that nothing here needs of it, or only where a capability is declared."""
+
+    NEEDED = ("Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode",
+              "DoStep", "GetReal", "SetReal")  # fmt: skip
+
+    def _loadFunctions(self) -> None:
+        for name in dir(self):
+            if name.startswith("fmi2") and name[4:] not in self.NEEDED and not hasattr(self.dll, name):
+                setattr(self.dll, name, lambda *_: _ERROR)
+        super()._loadFunctions()
+
+
+class FmuParticipant(Blocks):
+    """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
+
+    `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
+    makes blocks beside those of `name[i,j]`: name -> (variables in row-major order, shape). What the FMU logs is kept,
+    not printed: `messages` holds the last (status, sentence) pairs.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        parameters: Mapping[str, Any] | None = None,
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+        named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]] | None = None,
+        texts: Mapping[str, str] | None = None,
+    ) -> None:
+        self.name = Path(path).name
+        self.messages: deque[tuple[int, str]] = deque(maxlen=50)
+        if not Path(path).is_file():
+            raise ValueError(f"There is no FMU {path}.")
+        self._folder = tempfile.mkdtemp(prefix="fmu_")
+        self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._states: dict[int | None, c_void_p] = {}
+        self._initialised = False
+        self._fmu: Any = None  # of fmpy, while it is alive
+        self._end = "is closed."
+        try:
+            self._load(path, named or {})
+            for block, value in (parameters or {}).items():
+                self._put(block, self.checked(block, value, start=True))
+            dll, defined = self._alive(), stop_time is not None
+            for name, text in (texts or {}).items():
+                reference, value = (c_uint * 1)(self._texts[name]), (c_char_p * 1)(text.encode())
+                self._require(dll.fmi2SetString, self._component, reference, 1, value)
+            self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
+            self._require(dll.fmi2EnterInitializationMode, self._component)
+            self._require(dll.fmi2ExitInitializationMode, self._component)
+            self._initialised = True
+        except BaseException:
+            self.close()
+            raise
+
+    def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
+        """Unpack, describe and instantiate."""
+        try:
+            extract(str(path), self._folder, include=_needed)
+            description = read_model_description(self._folder, validate=False)
+        except Exception as error:
+            raise ValueError(f"{path} is not a readable FMU: {error}") from error
+        if description.fmiVersion != "2.0" or description.coSimulation is None:
+            raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
+        self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
+        self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
+        variables = {variable.name: variable for variable in description.modelVariables}
+        self._texts = {name: v.valueReference for name, v in variables.items() if v.type == "String"}
+        self._scalars = grouped(description.modelVariables)
+        self._scalars |= {name: ([variables[v] for v in listed], shape) for name, (listed, shape) in named.items()}
+        self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
+        self.limits = {name: described_limits(*block) for name, block in self._scalars.items()}
+        self._channels: dict[str, Channel] = {}
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger, callbacks.componentEnvironment = _LOGGER, next(_NUMBERS)
+        callbacks.allocateMemory = type(callbacks.allocateMemory)(calloc)
+        callbacks.freeMemory = type(callbacks.freeMemory)(free)
+        addLoggerProxy(byref(callbacks))
+        _LISTENERS[callbacks.componentEnvironment] = self
+        self._worst, self._reason = 0, ""
+        before = os.getcwd()
+        try:
+            where = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": self._folder}
+            fmu = FMU2Sparse(guid=description.guid, requireFunctions=False, **where)
+            fmu.instantiate(callbacks=callbacks, loggingOn=True)
+        except Exception as error:
+            why = " ".join((self._reason or str(error)).split())
+            raise ValueError(f"{path} cannot be instantiated: {why}") from error
+        finally:
+            os.chdir(before)  # fmpy leaves the working directory when a library does not load
+        self._fmu, self._component = fmu, fmu.component
+        self._step = fmu.dll.fmi2DoStep
+
+    def hear(self, status: int, message: str) -> None:
+        """Take a message of the FMU."""
+        self.messages.append((status, message))
+        if status >= self._worst:
+            self._worst, self._reason = status, message
+
+    def _alive(self) -> Any:
+        """The C functions."""
+        if self._fmu is None:
+            raise ValueError(f"{self.name} {self._end}")
+        return self._fmu.dll
+
+    def _call(self, function: Any, *arguments: Any) -> int:
+        """Status of a C call; `_reason` is then the worst of what the FMU logged meanwhile."""
+        self._alive()
+        self._worst, self._reason = 0, ""
+        _PROXIED.logger = _LOGGER
+        addLoggerProxy(_PROXIED_POINTER)
+        status: int = function(*arguments)
+        if status == _FATAL:
+            self._fmu = None  # no further call is allowed, not even the one that frees it
+            self._end = f"ended with fmi2Fatal: {self._reason or 'no reason logged'}"
+            raise RuntimeError(f"{self.name} {self._end}")
+        return status
+
+    def _require(self, function: Any, *arguments: Any) -> None:
+        """A call that has to succeed. A logged error counts too: PythonFMU has no status for it but fmi2Fatal."""
+        status = self._call(function, *arguments)
+        if status > _WARNING or self._worst > _DISCARD:
+            raise ValueError(f"{self.name}: {self._reason or f'status {status} of {function.__name__}'}")
+
+    def _channel(self, block: str) -> Channel:
+        channel = self._channels.get(block)
+        if channel is None:
+            self.shape(block)
+            channel = self._channels[block] = Channel(self._alive(), self._component, *self._scalars[block])
+        return channel
+
+    def _put(self, block: str, array: np.ndarray) -> None:
+        channel = self._channel(block)
+        channel.values[...] = array
+        if not np.array_equal(channel.values, array):
+            raise ValueError(f"{self.name}: block {block!r} takes whole numbers.")
+        self._require(channel.set_, *channel.arguments)
+
+    def set(self, block: str, values: Any) -> None:
+        """See Participant."""
+        self._put(block, self.checked(block, values))
+
+    def step(self, t: float, dt: float) -> None:
+        """See Participant."""
+        status = self._call(self._step, self._component, t, dt, not self.saves_state)
+        if status > _WARNING:
+            if self._reason.startswith("KeyboardInterrupt"):
+                raise KeyboardInterrupt
+            raise StepFailed(self._reason or f"{self.name} returned status {status} from fmi2DoStep")
+
+    def get(self, block: str) -> np.ndarray:
+        """See Participant."""
+        channel = self._channel(block)
+        self._require(channel.get_, *channel.arguments)
+        return channel.values.astype(float)
+
+    def save(self) -> c_void_p:
+        """See Participant."""
+        if not self.saves_state:
+            raise ValueError(f"{self.name} cannot save its state: its canGetAndSetFMUstate is false.")
+        state = c_void_p()
+        self._require(self._alive().fmi2GetFMUstate, self._component, byref(state))
+        self._states[state.value] = state
+        return state
+
+    def restore(self, state: c_void_p) -> None:
+        """See Participant."""
+        if state.value not in self._states:
+            raise ValueError(f"{self.name}: the state is not one of its own, or was freed.")
+        self._require(self._alive().fmi2SetFMUstate, self._component, state)
+
+    def free(self, state: c_void_p) -> None:
+        """See Participant."""
+        if self._states.pop(state.value, None) is not None:
+            self._require(self._alive().fmi2FreeFMUstate, self._component, byref(state))
+            state.value = None
+
+    def serialised(self, state: c_void_p) -> bytes:
+        """See Participant."""
+        self._require_serialisation()
+        size = c_size_t()
+        self._require(self._alive().fmi2SerializedFMUstateSize, self._component, state, byref(size))
+        data = (c_char * size.value)()
+        self._require(self._alive().fmi2SerializeFMUstate, self._component, state, data, size)
+        return data.raw
+
+    def deserialised(self, data: bytes) -> c_void_p:
+        """See Participant."""
+        self._require_serialisation()
+        state, buffer = c_void_p(), (c_char * len(data)).from_buffer_copy(data)
+        self._require(self._alive().fmi2DeSerializeFMUstate, self._component, buffer, len(data), byref(state))
+        self._states[state.value] = state
+        return state
+
+    def _require_serialisation(self) -> None:
+        if not self.serialises_state:
+            raise ValueError(f"{self.name} cannot write its state to a file: its canSerializeFMUstate is false.")
+
+    def close(self) -> None:
+        """Free the saved states, terminate, free the instance and remove the unpacked folder; once is enough."""
+        with contextlib.suppress(ValueError, RuntimeError):
+            for state in list(self._states.values()):
+                self.free(state)
+            if self._initialised:
+                self._call(self._alive().fmi2Terminate, self._component)
+        if self._fmu is not None:
+            self._fmu.fmi2FreeInstance(self._component)
+            with contextlib.suppress(AttributeError):
+                self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
+            self._fmu.freeLibrary()
+        self._fmu = None
+        self._remove()

@@ -1,0 +1,132 @@
+"""What a coupling loop needs to recover: where it is, what went wrong, and how to continue."""
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from master.coupling.convergence import ConvergenceMonitor
+
+RETREAT = 0.5  # part of the way from the best x that is tried after an evaluation has failed
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """What went wrong after which evaluation of G, and what was done about it."""
+
+    iteration: int
+    reason: str
+    remedy: str
+
+    def __str__(self) -> str:
+        after = "" if "evaluation" in self.reason else f"after evaluation {self.iteration}: "
+        return f"{after}{self.reason}; {self.remedy}"
+
+
+class Anchor(Protocol):
+    """What G depends on beside x: warm starts, states of solvers."""
+
+    def mark(self) -> None:
+        """Remember the present state; the evaluation just made is the best so far."""
+
+    def restore(self) -> None:
+        """Return to the state that was marked last, or to that before the first evaluation."""
+
+
+@dataclass
+class Progress:
+    """Where a loop is before an evaluation: enough to continue from, bitwise, together with the scheme.
+
+    `x` (n,) is the next point; `best` the pair (x, r) with the smallest measure so far.
+    """
+
+    x: np.ndarray
+    monitor: ConvergenceMonitor
+    residual_norms: list[float] = field(default_factory=list)
+    field_norms: list[np.ndarray] = field(default_factory=list)
+    best: tuple[np.ndarray, np.ndarray] | None = None
+    recoveries: list[Recovery] = field(default_factory=list)
+    stalls: int = 0
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of G so far."""
+        return len(self.residual_norms)
+
+    def recovered(self, reason: str, remedy: str) -> None:
+        """Book a recovery; what was before it does not count as time without progress."""
+        self.recoveries.append(Recovery(self.evaluations, reason.rstrip("."), remedy))
+        self.monitor.restart()
+
+
+class Loop:
+    """The ways from one evaluation to the next; each sets `progress.x`."""
+
+    def __init__(self, progress: Progress, scheme: Any, recoveries: int, anchor: Anchor | None):
+        self.progress, self.scheme, self.recoveries, self.anchor = progress, scheme, recoveries, anchor
+
+    def mark(self, x: np.ndarray, r: np.ndarray) -> str:
+        """Remember the best pair, and the state that goes with it; why that failed, if it did."""
+        self.progress.best = x.copy(), r.copy()
+        try:
+            if self.anchor is not None:
+                self.anchor.mark()
+        except ArithmeticError as error:
+            return str(error).rstrip(".")
+        return ""
+
+    def advance(self, x: np.ndarray, r: np.ndarray) -> str:
+        """By the scheme; an update that fails or is not finite makes it restart. Why there is none, if so."""
+        reason = self._update(x, r)
+        return "" if not reason or self.restart(reason) else reason
+
+    def _update(self, x: np.ndarray, r: np.ndarray) -> str:
+        """Set the next x; why that failed, if it did."""
+        try:
+            with np.errstate(all="ignore"):
+                x_next = self.scheme.step(x, r)
+        except ArithmeticError as error:
+            return str(error).rstrip(".")
+        if not np.all(np.isfinite(x_next)):
+            return "the update was not finite"
+        self.progress.x = x_next
+        return ""
+
+    def retreat(self, reason: str) -> bool:
+        """Half-way to the best point after an evaluation that failed; False if nothing is left to try.
+
+        If that failed too, the scheme restarts where it can. Where no evaluation has succeeded yet there is no
+        other point: the same is tried once more, in case the failure was a passing one.
+        """
+        p = self.progress
+        if len(p.recoveries) >= (self.recoveries if p.best is not None else min(1, self.recoveries)):
+            return False
+        if p.recoveries and p.recoveries[-1].iteration == p.evaluations - 1 and self.restart(reason):
+            return True
+        remedy = "tried again"
+        if p.best is not None:
+            p.x, remedy = p.best[0] + RETREAT * (p.x - p.best[0]), "tried again half-way to the best point"
+        if not self._restore():
+            return False
+        p.recovered(reason, remedy)
+        return True
+
+    def restart(self, reason: str) -> bool:
+        """From the best point with the scheme restarted; False if that is not possible."""
+        p, restart = self.progress, getattr(self.scheme, "restart", None)
+        if len(p.recoveries) >= self.recoveries or restart is None or p.best is None or not restart():
+            return False
+        # states first: a scheme may ask the solvers for derivatives, which are those of the best point then
+        if not self._restore() or self._update(*p.best):
+            return False
+        p.recovered(reason, "the scheme was restarted from the best point")
+        return True
+
+    def _restore(self) -> bool:
+        """Restore what was marked; False if that fails, which ends the loop."""
+        try:
+            if self.anchor is not None:
+                self.anchor.restore()
+        except ArithmeticError:
+            return False
+        return True

@@ -1,0 +1,83 @@
+"""One coupled run from participants to a record of it: solve, judge the stability, collect outputs."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from master.coupling.acceleration import Scheme
+from master.coupling.equilibrium import CoupledResult, Coupling, solve
+from master.coupling.stability import Stability, static_stability
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A finished run: status, the coupled result, its stability (None: not asked for or not converged), the blocks of
+    both participants at the end, their causality, remarks worth a line, and how often each solver was called.
+    """
+
+    status: str
+    message: str
+    result: CoupledResult
+    stability: Stability | None
+    blocks: dict[str, dict[str, np.ndarray]]
+    causality: dict[str, dict[str, str]]
+    remarks: list[str]
+    evaluations: int
+
+
+def coupled_run(
+    coupling: Coupling,
+    scheme: Scheme,
+    stability: bool = True,
+    progress: Callable[[int, float], Any] | None = None,
+    remark: Callable[[dict[str, np.ndarray]], list[str]] | None = None,
+    **options: Any,
+) -> Run:
+    """Solve and judge. The status is that of the solve, or "statically_unstable" for a converged unstable equilibrium.
+
+    `remark` says what is worth a line in the blocks of the flow at the end; `options` go to `master.coupling.solve`.
+    RuntimeError with the reason if a solver has ended for good on the way.
+    """
+    result = solve(coupling, scheme, progress=progress, **options)
+    judged = None
+    status, message = result.status, result.message
+    if status == "converged" and stability:
+        begin = time.perf_counter()
+        judged = static_stability(coupling, result.displacement)
+        result.seconds["stability"] = time.perf_counter() - begin
+        if judged.statically_stable is False:
+            status = "statically_unstable"
+            message = f"The equilibrium is statically unstable: {judged.message}."
+    blocks, causality = {}, {}
+    for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
+        try:
+            blocks[label] = {b: participant.get(b) for b in participant.blocks}
+        except (ValueError, RuntimeError) as error:  # of a solver that has ended: nothing to make a record of
+            raise RuntimeError(message) from error
+        causality[label] = dict(participant.causality)
+    told = "recovered" if result.status == "converged" else "tried to recover"
+    remarks = _remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
+    remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
+    return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
+
+
+def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
+    remarks = []
+    for label in ("structural", "aero"):
+        wanted, used = blocks[label].get("symmetric"), blocks[label].get("symmetry_used")
+        if wanted is not None and used is not None and bool(wanted) and not bool(used):
+            remarks.append(f"symmetry was asked for but turned off in the {label} solver: its input is not symmetric")
+    return remarks
+
+
+def _stability_remarks(judged: Stability | None) -> list[str]:
+    if judged is None:
+        return []
+    if judged.statically_stable is None:
+        return [f"the static stability could not be decided: {judged.message}"]
+    if judged.statically_stable and judged.symmetric_only:
+        return ["stability was judged for mirror-symmetric motions only (symmetric = false tests all)"]
+    return []

@@ -1,0 +1,234 @@
+"""A transient scene: the two participants coupled in time by what they have in common, and inputs over time."""
+
+import csv
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from master.coupling.acceleration import Scheme
+from master.coupling.exchange import Connection, Exchange, Order
+from master.coupling.fixed_point import FixedPointResult
+from master.coupling.march import GOOD, March, MarchResult, Steps, march
+from master.coupling.participants import Participant
+from master.coupling.schemes import SCHEMES, scheme
+
+# The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
+FLOW, STRUCTURE = "aero", "structural"
+MOTION = ("displacement", "velocity")
+# Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
+# makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
+# mislead.
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "relaxation": {"omega": 1.0},
+    "aitken": {"omega": 1.0},
+    "iqn-ils": {"omega0": 1.0, "reuse": 1},
+    "iqn-imvj": {"omega0": 1.0},
+}
+Follower = Callable[[float, "Simulation"], object]
+# Told after every communication step with all that a checkpoint needs; and what a run continues from, if anything.
+Holder = Callable[[Exchange, Scheme | None, March], object]
+Begun = Callable[[Exchange, Scheme | None], March]
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Columns of a table over `times` (k,) s: name of a block of either side -> values (k,), linear between the rows
+    and held outside. A communication step gets the values at its end, to which tapes move in the course of it.
+    """
+
+    path: str
+    times: np.ndarray
+    columns: dict[str, np.ndarray]
+
+    @classmethod
+    def read(cls, path: Path) -> "Inputs":
+        """The table of a file whose first column is `time`; ValueError naming file, row and remedy."""
+        try:
+            with path.open(newline="", encoding="utf-8-sig") as file:
+                rows = [(n, row) for n, row in enumerate(csv.reader(file), 1) if any(c.strip() for c in row)]
+        except OSError as error:
+            raise ValueError(f"{path} cannot be read ({(error.strerror or str(error)).lower()}).") from None
+        except (csv.Error, UnicodeDecodeError) as error:
+            raise ValueError(
+                f"{path} is not a readable CSV file ({error}); save it as comma-separated UTF-8."
+            ) from None
+        header = [c.strip() for c in rows[0][1]] if rows else []
+        if len(header) < 2 or header[0] != "time" or len(rows) < 2:
+            raise ValueError(f"{path} must have a first row 'time,NAME,...' and at least one row of numbers; add them.")
+        values = []
+        for n, row in rows[1:]:
+            if len(row) != len(header):
+                raise ValueError(
+                    f"{path} row {n} has {len(row)} cells where the header has {len(header)}; mend the row."
+                )
+            values.append([_number(path, n, name, cell) for name, cell in zip(header, row, strict=True)])
+        table = np.array(values)
+        back = np.flatnonzero(np.diff(table[:, 0]) <= 0.0)
+        if len(back):
+            raise ValueError(f"{path} row {rows[back[0] + 2][0]}: time does not increase; sort the rows by time.")
+        if len(set(header)) < len(header):
+            raise ValueError(f"{path} row 1 names a column twice; drop one.")
+        return cls(str(path), table[:, 0], {name: table[:, k] for k, name in enumerate(header) if k > 0})
+
+    def require(self, participants: Mapping[str, Participant]) -> None:
+        """ValueError in one sentence for a column that is no scalar parameter or input of either side."""
+        for name in self.columns:
+            owners = [p for p in participants.values() if p.causality.get(name) in ("parameter", "input")]
+            if not owners:
+                known = sorted({b for p in participants.values() for b, c in p.causality.items()
+                                if c in ("parameter", "input") and p.blocks[b] == ()})  # fmt: skip
+                raise ValueError(f"{self.path} row 1: there is no '{name}'; there are: {', '.join(known)}.")
+            if owners[0].blocks[name] != ():
+                raise ValueError(f"{self.path} row 1: {name} is no single value; leave it out.")
+
+    def apply(self, participants: Mapping[str, Participant], time: float) -> None:
+        """Set all columns to their values at a time s."""
+        for name, values in self.columns.items():
+            value = np.array(float(np.interp(time, self.times, values)))
+            for participant in participants.values():
+                if participant.causality.get(name) in ("parameter", "input"):
+                    participant.set(name, value)
+
+
+@dataclass(eq=False)
+class Simulation:
+    """A run under way or at its end: `time` s reached, from the `start` s on; "status" and `message` as of
+    `MarchResult`, the `steps`, evaluations of the coupled step, `seconds` of each participant, and present values:
+    `blocks`.
+    """
+
+    participants: dict[str, Participant]
+    time: float = 0.0
+    start: float = 0.0
+    status: str = "converged"
+    message: str = ""
+    steps: Steps = field(default_factory=Steps)
+    evaluations: int = 0
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every communication step converged."""
+        return self.status in GOOD
+
+    @property
+    def blocks(self) -> dict[str, dict[str, np.ndarray]]:
+        """Side -> block -> present values."""
+        return {side: {block: p.get(block) for block in p.blocks} for side, p in self.participants.items()}
+
+
+def exchange_of(participants: Mapping[str, Participant], step: float) -> Exchange:
+    """Both participants, connected by every output of one that is an input of the other, by name."""
+    connections = [
+        Connection(source, block, target, block)
+        for source, a in participants.items()
+        for target, b in participants.items()
+        if source != target
+        for block, causality in a.causality.items()
+        if causality == "output" and b.causality.get(block) == "input"
+    ]
+    return Exchange(participants, connections, dt=step, rollback=True)
+
+
+def tolerances(exchange: Exchange, order: Order, tolerance: float) -> dict[str, float]:
+    """Of every field that is iterated: `tolerance` m for displacements, what changes by that within the communication
+    step for velocities, and a millionth of the newtons per metre of tolerance for loads (parallel order only).
+    """
+    of = {"displacement": tolerance, "velocity": tolerance / exchange.dt}
+    return {name: of.get(name.partition(".")[2], 1e6 * tolerance) for name in exchange.fields(order)}
+
+
+def simulate(
+    participants: Mapping[str, Participant],
+    stop_time: float,
+    step: float,
+    scheme_name: str = "iqn-ils",
+    order: Order = "serial",
+    tolerance: float = 1e-6,
+    max_iterations: int = 50,
+    inputs: Inputs | None = None,
+    follower: Follower | None = None,
+    hold: Holder | None = None,
+    begun: Begun | None = None,
+    **parameters: Any,
+) -> Simulation:
+    """Step a moving structure and the flow around it from 0 to `stop_time` s in communication steps of `step` s.
+
+    `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
+    once; its loads act all through the step (the structure's loads_vary is set to 0). The others repeat a step until
+    the motion changes by no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` vary
+    in time; `follower(time, simulation)` is called at the start and after every step.
+
+    `hold(exchange, scheme, march)` follows every step with what a checkpoint needs; `begun(exchange, scheme)` restores
+    the participants of a run, and gives what it continues from. ValueError in one sentence for bad input; a step that
+    cannot be solved ends the run with its status.
+    """
+    run = Simulation({side: participants[side] for side in (FLOW, STRUCTURE) if side in participants})
+    if inputs is not None:
+        inputs.require(run.participants)
+    exchange, used = exchange_of(run.participants, step), None
+    if scheme_name != "explicit" and FLOW in run.participants:
+        used = _scheme(scheme_name, exchange, order, parameters)
+    now = None if begun is None else begun(exchange, used)
+    if now is not None:
+        run.steps = now.steps
+    run.time = run.start = exchange.time
+    _begin(run, scheme_name, now is None)
+    if inputs is not None:
+        inputs.apply(run.participants, exchange.end)
+    if follower is not None:
+        follower(exchange.time, run)
+
+    def accepted(time: float, found: FixedPointResult) -> None:
+        run.time = time
+        run.evaluations = exchange.evaluations
+        if inputs is not None:
+            inputs.apply(run.participants, time + step)
+        if follower is not None:
+            follower(time, run)
+
+    def held(march: March) -> None:
+        run.steps = march.steps
+        if hold is not None:
+            hold(exchange, used, march)
+
+    explicit = scheme_name == "explicit"
+    result: MarchResult = march(
+        exchange, used, stop_time, order, atol=1.0 if explicit else tolerances(exchange, order, tolerance), rtol=0.0,
+        max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
+    )  # fmt: skip
+    run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
+    run.evaluations, run.seconds = result.evaluations, result.seconds
+    return run
+
+
+def _scheme(name: str, exchange: Exchange, order: Order, parameters: dict[str, Any]) -> Scheme:
+    if name in SCHEMES and SCHEMES[name].exact:
+        raise ValueError(
+            f"scheme {name} takes derivatives of quasi-static solves; choose another for a transient scene."
+        )
+    return scheme(name, exchange, order, **(PARAMETERS.get(name, {}) | parameters))
+
+
+def _begin(run: Simulation, scheme_name: str, at_start: bool) -> None:
+    """Let loads act as the scheme needs it and, at the start, the flow know where the structure is."""
+    structure, flow = run.participants[STRUCTURE], run.participants.get(FLOW)
+    if "loads_vary" in structure.blocks:
+        structure.set("loads_vary", np.array(0.0 if scheme_name == "explicit" else 1.0))
+    for block in MOTION:
+        if at_start and flow is not None and flow.causality.get(block) == "input" and block in structure.blocks:
+            flow.set(block, structure.get(block))
+
+
+def _number(path: Path, row: int, name: str, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{path} row {row}: {name} '{cell.strip()}' is not a finite number; correct the cell.")
+    return value

@@ -1,0 +1,225 @@
+"""Variables of any FMU under names and in units of our own, and the check of both against its model description."""
+
+import itertools
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from fmpy import platform, read_model_description
+
+from master.coupling.participants import FmuParticipant
+from master.coupling.participants.blocks import Blocks, described_limits, grid, grouped
+from master.fmu_coupling.entries import nearest
+
+
+@dataclass(frozen=True)
+class Naming:
+    """A block of our own: a variable, a pattern in which # stands for a number, or a list of variables.
+
+    `shape` None: that of the variable, of the numbers in the pattern, or of the list. The value of the block is
+    `factor` times the value in the FMU.
+    """
+
+    variables: str | tuple[str, ...]
+    factor: float = 1.0
+    shape: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Named:
+    """A naming that an FMU can follow: its variables in row-major order, their shape, their factor."""
+
+    variables: tuple[str, ...]
+    shape: tuple[int, ...]
+    factor: float
+
+
+class Described(Blocks):
+    """What an FMU says of itself, without an instance: its blocks, ours included, before anything is run.
+
+    ValueError in one sentence for what is no FMI 2.0 co-simulation FMU, and for a naming that does not fit.
+    """
+
+    def __init__(self, path: str | Path, names: Mapping[str, Naming] | None = None) -> None:
+        self.name = Path(path).name
+        if not Path(path).is_file():
+            raise ValueError(f"there is no FMU {path}.")
+        try:
+            version = _version(path)
+            description = read_model_description(str(path), validate=False) if version == "2.0" else None
+        except Exception as error:
+            raise ValueError(f"{path} is not a readable FMU: {' '.join(str(error).split()).rstrip('.')}.") from error
+        if description is None or description.coSimulation is None:
+            what = "not for co-simulation" if description is not None else f"of FMI {version}"
+            raise ValueError(f"{path} is {what}; export it as an FMI 2.0 co-simulation FMU.")
+        with zipfile.ZipFile(path) as archive:
+            built_for = {name.split("/")[1] for name in archive.namelist() if re.match("binaries/[^/]+/.", name)}
+        if platform not in built_for:
+            what = ", ".join(sorted(built_for)) or "no platform"
+            raise ValueError(f"{path} is built for {what}, not for {platform}; export it for this platform.")
+        self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
+        self.only_once = bool(description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
+        self.model, self.tool = description.modelName, description.generationTool
+        self._variables = {variable.name: variable for variable in description.modelVariables}
+        scalars = grouped(description.modelVariables)
+        self._arrays = {name: tuple(v.name for v in listed) for name, (listed, _) in scalars.items()}
+        self._shapes = {name: shape for name, (_, shape) in scalars.items()}
+        self.named = {name: self._found(name, naming) for name, naming in (names or {}).items()}
+        scalars |= {n: ([self._variables[v] for v in block.variables], block.shape) for n, block in self.named.items()}
+        self.blocks = {name: shape for name, (_, shape) in scalars.items()}
+        self.limits = {name: described_limits(*block) for name, block in scalars.items()}
+
+    def scalars(self, block: str) -> tuple[str, ...]:
+        """The variables of the FMU that make a block."""
+        return self.named[block].variables if block in self.named else self._arrays[block]
+
+    def unknown(self, block: str) -> str:
+        """The sentence about a name that there is not."""
+        if block in self._variables and self._variables[block].type == "String":
+            return f"{self.name} has '{block}' as a text, and only numbers can be exchanged; leave it out."
+        return f"{self.name} has no variable or block '{block}'; {nearest(block, self._names())}"
+
+    def raw(self, block: str, values: Any) -> np.ndarray:
+        """Start values of a block in the unit of the FMU; ValueError in one sentence if it does not take them."""
+        if block not in self.blocks:
+            raise ValueError(self.unknown(block))
+        try:
+            array = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{self.name}: block {block!r} takes numbers of shape {self.blocks[block]}.") from None
+        factor = self.named[block].factor if block in self.named else 1.0
+        array = self.checked(block, array / factor, start=True)
+        if self._variables[self.scalars(block)[0]].type != "Real" and not np.array_equal(array, np.round(array)):
+            raise ValueError(f"{self.name}: block {block!r} takes whole numbers.")
+        return array
+
+    def require_text(self, name: str) -> None:
+        """ValueError in one sentence if a variable takes no text as its start value."""
+        variable = self._variables.get(name)
+        if variable is None or variable.type != "String":
+            known = [v.name for v in self._variables.values() if v.type == "String"]
+            what = "takes numbers" if name in self.blocks else "is not there"
+            raise ValueError(f"{self.name}: '{name}' {what}; texts go to: {', '.join(known) or 'none'}.")
+        if variable.causality not in ("input", "parameter"):
+            raise ValueError(f"{self.name}: '{name}' cannot be set, its causality is {variable.causality}.")
+
+    def _names(self) -> list[str]:
+        """All names that can be used, each once."""
+        return list(dict.fromkeys([*getattr(self, "named", ()), *self._shapes, *self._variables]))
+
+    def _found(self, name: str, naming: Naming) -> Named:
+        listed, shape = self._listed(name, naming.variables)
+        if name in self._variables and name not in listed:
+            raise ValueError(f"block '{name}' has the name of another variable of {self.name}; choose another name.")
+        if naming.shape is not None:
+            if int(np.prod(naming.shape)) != len(listed):
+                raise ValueError(
+                    f"block '{name}' has {len(listed)} variables, which do not fill the shape {list(naming.shape)}."
+                )
+            shape = naming.shape
+        twice = [v for k, v in enumerate(listed) if v in listed[:k]] if len(set(listed)) < len(listed) else []
+        if twice:
+            raise ValueError(f"block '{name}' lists the variable '{twice[0]}' twice; list it once.")
+        first = self._variables[listed[0]]
+        for other in (self._variables[v] for v in listed):
+            for kind in ("type", "causality", "variability"):
+                a, b = getattr(first, kind), getattr(other, kind)
+                if a != b:
+                    raise ValueError(
+                        f"block '{name}' mixes variables of different {kind}: {first.name} is {a}, {other.name} "
+                        f"is {b}; make two blocks of them."
+                    )
+        if first.type == "String":
+            raise ValueError(self.unknown(first.name))
+        if naming.factor != 1.0 and first.type != "Real":
+            raise ValueError(f"block '{name}' has a factor, but '{first.name}' is no Real; leave the factor out.")
+        return Named(tuple(listed), shape, naming.factor)
+
+    def _listed(self, name: str, variables: str | Sequence[str]) -> tuple[list[str], tuple[int, ...]]:
+        """Names of the variables of a block, and their shape."""
+        if isinstance(variables, str) and variables not in self._variables and "#" in variables:
+            return self._matching(name, variables)
+        listed: list[str] = []
+        for one in [variables] if isinstance(variables, str) else variables:
+            if one not in self._variables and one not in self._arrays:
+                raise ValueError(f"block '{name}': {self.unknown(one)}")
+            listed += [one] if one in self._variables else self._arrays[one]
+        if isinstance(variables, str):
+            return listed, () if variables in self._variables else self._shapes[variables]
+        return listed, (len(listed),)
+
+    def _matching(self, name: str, pattern: str) -> tuple[list[str], tuple[int, ...]]:
+        """The variables that a pattern names, sorted by their numbers, and the shape that those numbers span."""
+        expression = re.compile(r"(\d+)".join(map(re.escape, pattern.split("#"))), re.DOTALL)
+        hits = [(m, v) for v in self._variables if (m := expression.fullmatch(v))]
+        members = sorted((tuple(map(int, m.groups())), v) for m, v in hits)
+        if not members:
+            raise ValueError(f"block '{name}': no variable of {self.name} matches '{pattern}'; {self._like(pattern)}")
+        places, found = [place for place, _ in members], [v for _, v in members]
+        for a, b in itertools.pairwise(members):
+            if a[0] == b[0]:
+                raise ValueError(f"block '{name}': '{a[1]}' and '{b[1]}' both match '{pattern}'; list the variables.")
+        if len(places[0]) == 1:
+            return found, (len(found),)
+        shape = grid(places)
+        if shape is None:
+            raise ValueError(
+                f"block '{name}': the numbers of the variables that match '{pattern}' leave gaps; list the variables."
+            )
+        return found, shape
+
+    def _like(self, pattern: str) -> str:
+        """Where to look when a pattern finds nothing: the patterns of the variables that there are."""
+        return nearest(pattern, dict.fromkeys(re.sub(r"\d+", "#", v) for v in self._variables))
+
+
+def _version(path: str | Path) -> str | None:
+    """The version of FMI of an FMU, before its model description is read as that version has it."""
+    with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
+        return next(ElementTree.iterparse(file, ("start",)))[1].get("fmiVersion")
+
+
+class MappedParticipant(Blocks):
+    """An FMU under names and in units of our own (Participant); `start` holds start values of blocks in our units."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        names: Mapping[str, Naming] | None = None,
+        start: Mapping[str, Any] | None = None,
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+        described: Described | None = None,
+    ) -> None:
+        described = described or Described(path, names)
+        texts = {name: value for name, value in (start or {}).items() if isinstance(value, str)}
+        for name in texts:
+            described.require_text(name)
+        raw = {block: described.raw(block, value) for block, value in (start or {}).items() if block not in texts}
+        named = {name: (block.variables, block.shape) for name, block in described.named.items()}
+        self._factors = {name: block.factor for name, block in described.named.items() if block.factor != 1.0}
+        self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts)
+        self.name, self.blocks, self.limits = self.fmu.name, self.fmu.blocks, self.fmu.limits
+        self.saves_state, self.serialises_state = self.fmu.saves_state, self.fmu.serialises_state
+        self.step, self.save, self.restore, self.free = self.fmu.step, self.fmu.save, self.fmu.restore, self.fmu.free
+        self.serialised, self.deserialised = self.fmu.serialised, self.fmu.deserialised
+
+    def set(self, block: str, values: Any) -> None:
+        """See Participant."""
+        factor = self._factors.get(block)
+        self.fmu.set(block, values if factor is None else np.asarray(values, dtype=float) / factor)
+
+    def get(self, block: str) -> np.ndarray:
+        """See Participant."""
+        factor = self._factors.get(block)
+        values = self.fmu.get(block)
+        return values if factor is None else factor * values
+
+    def close(self) -> None:
+        """See FmuParticipant."""
+        self.fmu.close()

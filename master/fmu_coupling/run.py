@@ -1,0 +1,212 @@
+"""Any FMI 2.0 co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
+
+import contextlib
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from interface import StepFailed
+from master.coupling import checkpoint
+from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.exchange import Exchange
+from master.coupling.fixed_point import FixedPointResult
+from master.coupling.march import STATUSES, March, MarchResult, Steps, march
+from master.coupling.schemes import scheme
+from master.coupling.steady import Goal, Search, steady
+from master.fmu_coupling.document import Document
+from master.fmu_coupling.mapping import MappedParticipant
+from master.fmu_coupling.results import CoupleResult, Follower, Recorder
+
+
+@contextlib.contextmanager
+def opened(document: Document) -> Iterator[Exchange]:
+    """The participants of a document, loaded and initialised, as an exchange; they are closed at the end."""
+    s = document.settings
+    stop = s.stop if s.mode == "transient" else None
+    with contextlib.ExitStack() as stack:
+        participants = {}
+        for name, m in document.participants.items():
+            made = MappedParticipant(m.fmu, m.names, m.start, s.start, stop, document.described[name])
+            participants[name] = stack.enter_context(made)
+        yield document.exchange(participants)
+
+
+def couple(
+    document: Document | Mapping[str, Any] | str | Path,
+    out: str | Path | None = None,
+    report: bool = True,
+    follow: Follower | None = None,
+    files: Files = NO_FILES,
+) -> CoupleResult:
+    """Couple the FMUs of a document, of its file, or of the content of one; results go to the folder `out` if given.
+
+    `report` draws plots too, where matplotlib is installed. `files` says where a transient run keeps checkpoints and
+    which one it continues from; the results then begin there. ValueError in one sentence for bad input, before anything
+    is run; what fails in the run ends in a status.
+    """
+    if not isinstance(document, Document):
+        document = Document.of(document) if isinstance(document, Mapping) else Document.read(document)
+    begin = time.perf_counter()
+    with contextlib.ExitStack() as stack:
+        recorder = None
+        if out is not None:
+            recorder = stack.enter_context(Recorder(Path(out), document))
+        exchange = stack.enter_context(opened(document))
+        ready = time.perf_counter()
+        run = Run(document, exchange, [f for f in (recorder, follow) if f is not None], files)
+        if recorder is not None:
+            recorder.steps = run.now.steps
+        ended = run.ended()
+        seconds = {"total": time.perf_counter() - begin, "set_up": ready - begin, **ended.seconds}
+        logs = {name: list(p.fmu.messages) for name, p in exchange.participants.items()}  # type: ignore[attr-defined]
+        result = CoupleResult(
+            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs
+        )
+        if recorder is not None:
+            recorder.finish(result, report)
+    return result
+
+
+class Run:
+    """One run of a document: `now` is where it stands, `values` the recorded blocks at the last step."""
+
+    def __init__(
+        self, document: Document, exchange: Exchange, followers: list[Follower], files: Files = NO_FILES
+    ) -> None:
+        self.document, self.exchange, self.followers, self.files = document, exchange, followers, files
+        self.values: dict[str, np.ndarray] = {}
+        s = document.settings
+        self.scheme = None if s.scheme == "explicit" else scheme(s.scheme, exchange, s.order, **s.parameters)
+        if files.checkpoint is not None or files.restart is not None:
+            self._check_checkpoints()
+        if files.restart is None:
+            self.now = March.beginning(exchange, s.order, s.predictor)
+        else:
+            self.now = self._restarted(files.restart)
+        self.number = len(self.now.steps)
+
+    def _check_checkpoints(self) -> None:
+        """ValueError in one sentence where a run cannot be written to a checkpoint."""
+        if self.document.settings.mode == "steady":
+            raise ValueError("checkpoints are of transient runs; a steady run is one fixed point.")
+        for name in self.exchange.without_rollback():
+            raise ValueError(f"{self.exchange.described(name)} cannot save its state, so there are no checkpoints.")
+        divided = any(count > 1 for count in self.exchange.substeps.values())
+        for name, participant in self.exchange.participants.items():
+            if divided and not getattr(participant, "saves_state", True):
+                raise ValueError(
+                    f"{self.exchange.described(name)} cannot save its state, and substeps need what it sent last, so "
+                    "there are no checkpoints."
+                )
+            if getattr(participant, "saves_state", True) and not getattr(participant, "serialises_state", True):
+                raise ValueError(
+                    f"{self.exchange.described(name)} cannot write its state to a file (no canSerializeFMUstate), "
+                    "so there are no checkpoints."
+                )
+
+    def _models(self) -> dict[str, str]:
+        """The model of each participant."""
+        return {name: described.model for name, described in self.document.described.items()}
+
+    def _restarted(self, path: Path) -> March:
+        """Where a run continues from a checkpoint; ValueError in one sentence if that is of something else."""
+        about, content = checkpoint.read(path)
+        if about.get("models", self._models()) != self._models():
+            raise ValueError(
+                f"checkpoint {path} is of the models {', '.join(about['models'].values())}, this file of "
+                f"{', '.join(self._models().values())}; begin without it."
+            )
+        try:
+            now = checkpoint.load_march(self.exchange, content, self.scheme)
+            now.require_fields(self.exchange, self.document.settings.order)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+        return now
+
+    def _hold(self, now: March) -> None:
+        last = self.exchange.time > self.document.settings.stop - 0.5 * self.exchange.dt
+        if self.files.checkpoint is not None and (last or len(now.steps) % self.files.every == 0):
+            about: dict[str, Any] = {"document": self.document.file, "models": self._models()}
+            about |= {"time": self.exchange.time, "steps": len(now.steps)}
+            checkpoint.write(self.files.checkpoint, about, checkpoint.dump_march(self.exchange, self.scheme, now))
+
+    def ended(self) -> MarchResult:
+        """The run to its end."""
+        self._tell(np.nan)
+        s = self.document.settings
+        return self._steady() if s.mode == "steady" else self._transient()
+
+    def _transient(self) -> MarchResult:
+        s = self.document.settings
+        return march(
+            self.exchange,
+            self.scheme,
+            s.stop,
+            s.order,
+            s.predictor,
+            s.atol,
+            s.rtol,
+            s.residual_rtol,
+            s.max_iterations,
+            s.strict,
+            s.recoveries,
+            callback=lambda _, __: self._follow(self.now.steps.residuals[-1]),
+            hold=self._hold,
+            begun=self.now,
+        )
+
+    def _steady(self) -> MarchResult:
+        """One fixed point, every evaluation a step in pseudo-time."""
+        s, exchange, steps = self.document.settings, self.exchange, self.now.steps
+        used = scheme(s.scheme, exchange, s.order, **s.parameters)
+        try:
+            ended = steady(exchange, used, _Evaluations(self), s.order, s.max_iterations, s.recoveries)
+        except StepFailed as error:  # a participant that could not save its state
+            status, message = "diverged", f"The run cannot continue: {error}"
+        else:
+            self.now.x, status, message = ended.found.x_tilde, ended.status, ended.message
+            _judge(steps, ended.found)
+        return MarchResult(
+            status, message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
+        )
+
+    def evaluated(self, residual: float) -> None:
+        """Book an evaluation of a steady run."""
+        self.now.steps.append(self.exchange.time, "max_iterations", 1, residual, 0)
+        if np.isfinite(residual):
+            self._follow(residual)
+
+    def _follow(self, residual: float) -> None:
+        self.number += 1
+        self._tell(float(residual))
+
+    def _tell(self, residual: float) -> None:
+        participants = self.exchange.participants
+        self.values = {f"{name}.{block}": participants[name].get(block) for name, block in self.document.record}
+        for follower in self.followers:
+            follower(self.number, self.exchange.time, residual, self.values)
+
+
+class _Evaluations(Goal):
+    """The tolerances of a document; every evaluation is booked as a step."""
+
+    def __init__(self, run: Run) -> None:
+        s = run.document.settings
+        super().__init__(s.atol, s.rtol, s.residual_rtol)
+        self._run = run
+
+    def observed(self, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray, search: Search) -> dict[str, float]:
+        """See Goal."""
+        self._run.evaluated(float(np.linalg.norm(r)))
+        return super().observed(x, x_tilde, r, search)
+
+
+def _judge(steps: Steps, found: FixedPointResult) -> None:
+    """Give the last evaluation the status of the whole, and each recovery to the evaluation that it followed."""
+    steps.codes[-1] = STATUSES.index(found.status)
+    for event in found.recoveries:
+        steps.recoveries[event.iteration - 1] += 1
+        steps.messages.append((event.iteration, str(event)))
