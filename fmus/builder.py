@@ -42,6 +42,7 @@ def build(
     parameters: Mapping[str, Any] | None = None,
     reference: bool = True,
     fmi: int = 2,
+    cores: Mapping[str, Any] | None = None,
 ) -> tuple[Path, ...]:
     """Paths of `<scene>_structural.fmu` and, where the scene has a flow, `<scene>_aero.fmu`, written to `out_dir` (made
     when missing).
@@ -50,23 +51,24 @@ def build(
     that is free to pitch starts from its trim angle unless they give one; where there is none, SceneError.
     `reference` solves some steps for the reference results that an FMU carries. With `fmi` = 3 they are FMUs of FMI
     3.0, `<scene>_structural_fmi3.fmu` and `<scene>_aero_fmi3.fmu`, without reference results. ValueError in one
-    sentence for a parameter that neither has, for a value that a core refuses, and for another version of FMI.
+    sentence for a parameter that neither has, for a value that a core refuses, and for another version of FMI. `cores`
+    of this scene (side -> core) that made no step yet save building some.
     """
     if fmi not in (2, 3):
         raise ValueError(f"FMUs are built for FMI 2 or 3, not {fmi}.")
     given = dict(parameters or {})
     sides: tuple[tuple[str, type[CoreFmu]], ...] = (("structural", StructuralFmu), ("aero", AeroFmu))
     sides = sides if scene.has_flow else sides[:1]
-    cores = {side: slave.scene_core(scene) for side, slave in sides}
+    cores = dict(cores or {side: slave.scene_core(scene) for side, slave in sides})
     names = {side: {v.name for v in core.variables if v.causality == "parameter"} for side, core in cores.items()}
     if unknown := sorted(given.keys() - set().union(*names.values())):
         known = ", ".join(sorted(set().union(*names.values()))) or "none"
         raise ValueError(f"Scene {scene.name} has no parameter {unknown[0]!r}; its parameters are {known}.")
-    given = scene.with_trim({name: _numbers(name, value) for name, value in given.items()})
+    given = scene.with_trim({name: _numbers(name, value) for name, value in given.items()}, cores)
     for side in cores:
         for name in given.keys() & names[side]:
             cores[side].set(name, np.array(given[name]))
-    tables = reference_tables(scene, given) if reference and fmi == 2 else {}
+    tables = reference_tables(scene, given, cores) if reference and fmi == 2 else {}
     contents = {}
     for side, slave in sides:
         own = {name: value for name, value in given.items() if name in names[side]}

@@ -4,7 +4,7 @@ import contextlib
 import shlex
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -62,9 +62,9 @@ def run_scene(
     begin = time.perf_counter()
     built, kept = assigned, []
     if files.restart is not None:
-        built = restart.remembered(files.restart, scenes.load(name).name, choices["backend"], assigned)
+        built = restart.remembered(files.restart, scenes.name_of(name), choices["backend"], assigned)
         kept = [f"{key} = {built[key]}" for key in built if key not in assigned and key != "trim_angle"]
-    scene, given = prepared(name, built)
+    scene, given, cores = prepared(name, built)
     if motion and not scene.moves:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
         raise ValueError(f"{option} is for transient scenes; scene '{name}' is quasi-static.")
@@ -74,16 +74,16 @@ def run_scene(
     if scene.moves:
         from master.transient import run_transient
 
-        return run_transient(job, opened(scene, choices["backend"], given, out), live, **motion)
-    return _run_quasi_static(job, live, begin)
+        return run_transient(job, opened(scene, choices["backend"], given, out, cores), live, **motion)
+    return _run_quasi_static(job, cores, live, begin)
 
 
-def _run_quasi_static(job: Job, live: bool, begin: float) -> int:
+def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool, begin: float) -> int:
     """Run a quasi-static scene; the exit code."""
     scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
-    with pair(scene, choices["backend"], given, out) as coupling, progress(choices["tolerance"], live) as shown:
+    with pair(scene, choices["backend"], given, out, cores) as coupling, progress(choices["tolerance"], live) as shown:
         ready = time.perf_counter()
         used = _scheme(choices, coupling)
         remarks: list[str] = []
@@ -96,11 +96,11 @@ def _run_quasi_static(job: Job, live: bool, begin: float) -> int:
         if run.status in ("converged", "statically_unstable"):
             writer.end(run.result)
     run.remarks.extend(remarks + _hints(scene, given, run))
-    _write(job, run, ready - begin)
+    _write(job, run, ready - begin, cores)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 
 
-def _write(job: Job, run: Run, set_up: float) -> None:
+def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     """Print the table of a run and write its files; `set_up` s is what went before."""
     scene, choices, out = job.scene, job.choices, job.out
     settings = {
@@ -129,7 +129,7 @@ def _write(job: Job, run: Run, set_up: float) -> None:
     print_table(scene, run, content)
     lacking = missing_libraries() if choices["report"] else ""
     if choices["report"] and not lacking:
-        written += write_report(out, scene, run, content)
+        written += write_report(out, scene, run, content, cores)
     print_written(out, written, lacking)
 
 
@@ -194,14 +194,14 @@ def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = Fals
 
     if ssp and fmi != 2:
         raise ValueError("--ssp connects FMUs of FMI 2; leave --fmi out.")
-    scene, given = prepared(name, assigned)
+    scene, given, cores = prepared(name, assigned)
     results_folder(out)
     mark = "_fmi3" if fmi == 3 else ""
     names = [f"{scene.name}{end}" for end in (f"_structural{mark}.fmu", f"_aero{mark}.fmu", *([".ssp"] if ssp else []))]
     if folders := [n for n in names if (out / n).is_dir()]:
         raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
     try:
-        paths = build(scene, out, given, fmi=fmi)
+        paths = build(scene, out, given, fmi=fmi, cores=cores)
         for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
             print(path)
         if own_binary() is None:
@@ -251,14 +251,17 @@ def _scheme(choices: dict[str, Any], coupling: Coupling) -> Any:
     return scheme(name, coupling, choices["order"], **given)
 
 
-def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
-    """The scene with its settings, and its parameters: the assigned ones, checked, and the trim angle if it has one."""
+def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """The scene with its settings, its parameters: the assigned ones, checked, and the trim angle if it has one; and
+    its cores, side -> core, with these parameters.
+    """
     import scenes
 
-    defaults = scenes.load(name)
-    settings = {k: v for k, v in assigned.items() if k in defaults.offers}
-    scene = scenes.load(name, settings) if settings else defaults
-    cores = tuple(scene.cores().values())
+    offers = scenes.settings_of(name)
+    settings = {k: v for k, v in assigned.items() if k in offers}
+    scene = scenes.load(name, settings)
+    made = scene.cores()
+    cores = tuple(made.values())
     parameters: dict[str, Any] = {}
     for key, text in assigned.items():
         if key in settings:
@@ -266,13 +269,13 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any]]:
         owners = [(c, v) for c in cores for v in c.variables if v.name == key and v.causality == "parameter"]
         if not owners:
             known = sorted({v.name for c in cores for v in c.variables if v.causality == "parameter"})
-            chosen = ", ".join([*defaults.offers, *known])
+            chosen = ", ".join([*offers, *known])
             raise ValueError(f"scene '{scene.name}' has no setting or parameter '{key}'; it has: {chosen}.")
         value = _number(key, text, owners[0][1])
         for core, _ in owners:
             core.set(key, value)
         parameters[key] = value
-    return scene, scene.with_trim(parameters)
+    return scene, scene.with_trim(parameters, made), made
 
 
 def _number(key: str, text: str, variable: Any) -> Any:
@@ -288,28 +291,34 @@ def _number(key: str, text: str, variable: Any) -> Any:
 
 
 @contextlib.contextmanager
-def opened(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[dict[str, Participant]]:
-    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end."""
+def opened(
+    scene: Any, backend: str, parameters: dict[str, Any], out: Path, cores: Mapping[str, Any] | None = None
+) -> Iterator[dict[str, Participant]]:
+    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end.
+
+    `cores` of the scene (side -> core), where there are some, become the participants or make their FMUs.
+    """
     with contextlib.ExitStack() as stack:
         if backend == "fmu":
             from fmus.builder import build
 
-            paths = build(scene, out / "fmus", parameters, reference=False)
+            paths = build(scene, out / "fmus", parameters, reference=False, cores=cores)
             fmus = [stack.enter_context(FmuParticipant(path)) for path in paths]
             yield dict(zip(("structural", "aero"), fmus, strict=False))
         else:
-            cores = scene.cores()
             yield {
                 side: InProcessParticipant(core, {k: v for k, v in parameters.items() if k in core.names})
-                for side, core in cores.items()
+                for side, core in (cores or scene.cores()).items()
             }
 
 
 @contextlib.contextmanager
-def pair(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[Coupling]:
+def pair(
+    scene: Any, backend: str, parameters: dict[str, Any], out: Path, cores: Mapping[str, Any] | None = None
+) -> Iterator[Coupling]:
     """The two participants of a quasi-static scene, coupled; they are closed at the end."""
     if backend != "fmu":
-        yield Coupling.in_process(scene, parameters)
+        yield Coupling.in_process(scene, parameters, cores)
         return
-    with opened(scene, backend, parameters, out) as sides:
+    with opened(scene, backend, parameters, out, cores) as sides:
         yield Coupling(sides["structural"], sides.get("aero") or ZeroLoads.beside(sides["structural"]))

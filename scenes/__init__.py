@@ -12,7 +12,7 @@ from interface import StepFailed, Variable
 from .scene import Scene
 from .schema import SceneError, Setting
 
-__all__ = ["Scene", "SceneError", "Setting", "StepFailed", "Variable", "available", "load", "settings_of"]
+__all__ = ["Scene", "SceneError", "Setting", "StepFailed", "Variable", "available", "load", "name_of", "settings_of"]
 
 
 def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
@@ -27,6 +27,13 @@ def settings_of(scene: str | Path) -> dict[str, Setting]:
     from .readers.scene import settings_of as offered
 
     return offered(scene)
+
+
+def name_of(scene: str | Path) -> str:
+    """The name of a scene given by its name or folder; no file is read."""
+    from .readers.scene import name_of as name
+
+    return name(scene)
 
 
 def available() -> list[str]:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     from .cores import Core
 
+    Cores = dict[str, Core]
+
 
 @dataclass(frozen=True, eq=False)
 class SectionPolars:
@@ -148,7 +150,7 @@ class Scene:
             )
         return Core(FlowSolver(self, self.wing_model, self.lines_model))
 
-    def cores(self) -> "dict[str, Core]":
+    def cores(self) -> "Cores":
         """Side -> solver core: structural, and aero where the scene has a flow."""
         return {"structural": self.structural_core()} | ({"aero": self.aero_core()} if self.has_flow else {})
 
@@ -215,20 +217,21 @@ class Scene:
         model = StructuralModel(self)
         return misfits(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
 
-    def trim_angle(self, parameters: Mapping[str, Any] | None = None) -> float:
+    def trim_angle(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.
 
-        Zero for a scene that is not free to pitch. `parameters` override the start values of the cores.
+        Zero for a scene that is not free to pitch. `parameters` override the start values of the cores; `cores` of this
+        scene, where there are some, take them and are as they were otherwise.
         """
         if self.trim is None:
             return 0.0
         from .cores.trim import trim_angle
 
-        return trim_angle(self, dict(parameters or {}))
+        return trim_angle(self, dict(parameters or {}), cores or self.cores())
 
-    def with_trim(self, parameters: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    def with_trim(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> dict[str, Any]:
         """The parameters, and the trim angle that belongs to them where the scene has one and none is given."""
         given = dict(parameters or {})
         if self.trim is not None and "trim_angle" not in given:
-            given["trim_angle"] = self.trim_angle(given)
+            given["trim_angle"] = self.trim_angle(given, cores)
         return given

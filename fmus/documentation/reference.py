@@ -20,20 +20,31 @@ MOTION = ("displacement", "velocity")  # what a structure gives a flow, likewise
 INTERFACE = (*MOTION, *LOADS)
 
 
-def reference_tables(scene: Scene, parameters: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+def reference_tables(
+    scene: Scene, parameters: Mapping[str, Any], cores: Mapping[str, Any] | None = None
+) -> dict[str, tuple[str, str]]:
     """Side -> inputs and results of its FMU as CSV texts, from a coupled exchange of the two solvers.
 
     A row of inputs holds from its time on, for a communication step; a row of results holds at its time, the first
     after the initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps
     first, as in the explicit scheme. Without a flow the panels are pressed by 1, 2, 3 Pa and so on. Where a solver
     cannot complete a step the tables end before it. Numbers are exact: the shortest that are read back to the same
-    bits.
+    bits. `cores` of the scene, where there are some, take the parameters and are as they were otherwise.
     """
-    cores = scene.cores()
+    cores = dict(cores or scene.cores())
     for core in cores.values():
         for variable in core.variables:
             if variable.name in parameters and variable.causality == "parameter":
                 core.set(variable.name, np.array(parameters[variable.name], dtype=float))
+    before = {side: core.save() for side, core in cores.items()}
+    try:
+        return _exchanged(scene, cores)
+    finally:
+        for side, core in cores.items():
+            core.restore(before[side])
+
+
+def _exchanged(scene: Scene, cores: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     structure, flow = cores["structural"], cores.get("aero")
     dt = scene.communication_step
     if flow is not None:  # its first inputs are set while it is initialised

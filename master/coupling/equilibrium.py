@@ -64,20 +64,22 @@ class Coupling(Exchange):
         return f"the {name} solver"
 
     @classmethod
-    def in_process(cls, scene: Any, parameters: Mapping[str, Any] | None = None) -> "Coupling":
-        """The two solver cores of a scene (see `scenes.load`), each with those of the `parameters` that it has; a
-        kite that is free to pitch starts from its trim angle unless they give one.
+    def in_process(
+        cls, scene: Any, parameters: Mapping[str, Any] | None = None, cores: Mapping[str, Any] | None = None
+    ) -> "Coupling":
+        """The two solver cores of a scene (see `scenes.load`), new ones or the given ones, each with those of the
+        `parameters` that it has; a kite that is free to pitch starts from its trim angle unless they give one.
 
         ValueError in one sentence for a parameter that neither has, for a value that is refused, and where there is no
         trim angle in this wind.
         """
         given = dict(parameters or {})
-        cores = scene.cores()
+        cores = scene.cores() if cores is None else cores
         known = {v.name for core in cores.values() for v in core.variables if v.causality == "parameter"}
         if unknown := sorted(given.keys() - known):
             raise ValueError(f"scene {scene.name} has no parameter {unknown[0]!r}; it has: {', '.join(sorted(known))}.")
 
-        given = scene.with_trim(given)
+        given = scene.with_trim(given, cores)
 
         def participant(core: Any) -> InProcessParticipant:
             return InProcessParticipant(core, {v.name: given[v.name] for v in core.variables if v.name in given})

@@ -3,6 +3,7 @@
 Every file is written whole or not at all. The same run gives the same bytes, whenever it is written.
 """
 
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -71,11 +72,14 @@ def missing_libraries() -> str:
     )
 
 
-def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, Any]) -> list[str]:
+def write_report(
+    folder: str | Path, scene: Any, run: "Run", content: dict[str, Any], cores: Mapping[str, Any] | None = None
+) -> list[str]:
     """Write plots (PNG, SVG), VTK files and report.html of a `run` (see `coupled_run`) of `scene`; their names.
 
-    `content` is `summary(run, settings)`, with "versions" if the page shall name them. What the scene lacks
-    is left out. ModuleNotFoundError with the sentence of `missing_libraries` where they are not installed.
+    `content` is `summary(run, settings)`, with "versions" if the page shall name them. What the scene lacks is left
+    out. `cores` of the scene save making some. ModuleNotFoundError with the sentence of `missing_libraries` where they
+    are not installed.
     """
     sentence = missing_libraries()
     if sentence:
@@ -119,7 +123,7 @@ def write_report(folder: str | Path, scene: Any, run: "Run", content: dict[str, 
         content_of["lines.vtu"] = vtk.lines_file(state.surface)
     captions = CAPTIONS if scene.has_flow else {**CAPTIONS, "shape": AT_REST}
     shown = {name: (captions[name], image["svg"]) for name, image in images.items()}
-    content_of[PAGE] = page(scene, run, content, state, shown)
+    content_of[PAGE] = page(scene, run, content, state, shown, cores)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     for name in REPORT:  # so that none of an earlier run stands beside them

@@ -43,10 +43,18 @@ Table = dict[str, Any]  # title, header, rows of cells, marked: rows that stand 
 
 
 def page(
-    scene: Any, run: "Run", content: dict[str, Any], state: FinalState, figures: dict[str, tuple[str, bytes]]
+    scene: Any,
+    run: "Run",
+    content: dict[str, Any],
+    state: FinalState,
+    figures: dict[str, tuple[str, bytes]],
+    cores: Mapping[str, Any] | None = None,
 ) -> str:
-    """The HTML text. `content` is what summary.json holds; `figures` maps names to captions and SVG files."""
-    variables = {f"{label}.{v.name}": v for label, core in scene.cores().items() for v in core.variables}
+    """The HTML text. `content` is what summary.json holds; `figures` maps names to captions and SVG files; the `cores`
+    of the scene, new ones without any, say what their variables mean.
+    """
+    sides = scene.cores() if cores is None else cores
+    variables = {f"{label}.{v.name}": v for label, core in sides.items() for v in core.variables}
     tables = [
         _outputs(content, variables),
         *_structure(state.frame),

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interface import area_vectors
+from interface.vectors import rotated
 from master.report.wing import TubeState, canopy_springs, tube_state
 
 if TYPE_CHECKING:
@@ -92,7 +94,7 @@ class Surface:
     def panel_forces(self) -> np.ndarray:
         """p a + s |a| with the current area vectors a = d1 x d2 / 2, (m,3) N."""
         corners = self.position[self.panels]
-        area = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        area = area_vectors(corners)
         force = self.pressure[:, None] * area
         return force if self.shear is None else force + self.shear * np.linalg.norm(area, axis=1)[:, None]
 
@@ -160,7 +162,7 @@ def final_state(scene: Any, run: "Run") -> FinalState:
         x, q = mesh.nodes[wing] - about, (mesh.nodes + structural["displacement"])[wing] - about
         turn = float(np.arctan2(np.sum(x[:, 2] * q[:, 0] - x[:, 0] * q[:, 2]), np.sum(x[:, [0, 2]] * q[:, [0, 2]])))
         pivot = scene.members.labels[scene.pivot]
-    frame = _frame(scene, structural, turn) if {"position", "tension"} <= structural.keys() else None
+    frame = _frame(scene, structural, turn) if {"position", "tension", "rest_length"} <= structural.keys() else None
     return FinalState(surface, frame, _strips(scene, aero, surface), None if turn is None else np.rad2deg(turn), pivot)
 
 
@@ -170,21 +172,15 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
         return None
     undeformed = members.nodes
     if turn is not None:
-        c, s = np.cos(turn), np.sin(turn)
-        about = members.nodes[scene.pivot]
-        undeformed = about + (members.nodes - about) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T
+        undeformed = rotated(members.nodes, turn, members.nodes[scene.pivot])
     chains = [nodes for group in members.chains for nodes in group.nodes]
-    rest = np.concatenate([group.l0 for group in members.chains])
-    for tape, elements in scene.structure.tapes.items():
-        if tape in blocks:
-            rest[[members.names.index(name) for name in elements]] = float(blocks[tape])
     legs = [np.linalg.norm(np.diff(position[group.nodes], axis=1), axis=2) for group in members.chains]
     length = np.concatenate([leg.sum(axis=1) for leg in legs])
     two_way = ~(members.area > 0.0)  # what is no line of the bridle: springs, canopy
     supports = members.fixed.any(axis=1)
     return Frame(
         members.labels, members.nodes, undeformed, position, supports,
-        members.names, chains, blocks["tension"], two_way, rest, length,
+        members.names, chains, blocks["tension"], two_way, blocks["rest_length"], length,
         canopy_springs(members), tube_state(members, blocks), blocks.get("strain"),
     )  # fmt: skip
 

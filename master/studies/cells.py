@@ -54,7 +54,7 @@ def solved(cell: Cell) -> dict[str, Any]:
     """
     begin = time.perf_counter()
     try:
-        scene, given = prepared(cell.folder, cell.assigned)
+        scene, given, _ = prepared(cell.folder, cell.assigned)
         _warm(cell, scene, given)
         with tempfile.TemporaryDirectory(prefix="comparison_") as folder:
             solves = [_solve(cell, scene, given, Path(folder)) for _ in range(cell.repeat)]

@@ -184,8 +184,8 @@ def _cases(scenes: Sequence[str], assigned: Mapping[str, str], sweep: Mapping[st
 
 def _names(path: str) -> tuple[str, set[str]]:
     """Name of a scene, and the names of its settings and parameters."""
-    scene, _ = prepared(path, {})
-    parameters = {v.name for core in scene.cores().values() for v in core.variables if v.causality == "parameter"}
+    scene, _, cores = prepared(path, {})
+    parameters = {v.name for core in cores.values() for v in core.variables if v.causality == "parameter"}
     return scene.name, parameters | set(scene.offers)
 
 

@@ -26,6 +26,7 @@ def static_variables(scene, model):
     text = "directions in which the equilibrium is unstable under its loads, kept as they are"
     yield whole("unstable_modes", description=text)
     yield _symmetry_used(scene, model)
+    yield _rest_length(scene, model)
 
 
 def transient_variables(scene, model):
@@ -41,6 +42,7 @@ def transient_variables(scene, model):
     yield whole("integration_steps", description="steps of the integration in the last step")
     yield whole("newton_iterations", description="Newton iterations of the step")
     yield _symmetry_used(scene, model)
+    yield _rest_length(scene, model)
 
 
 def _loads(scene):
@@ -169,3 +171,10 @@ def _energies(scene, model):
 def _symmetry_used(scene, model):
     start = float(scene.structure.symmetric and model.mirror is not None)
     return output("symmetry_used", kind="boolean", start=start, description="whether the last solve was of one half")
+
+
+def _rest_length(scene, model):
+    """Last of all, so that what came before it keeps its place."""
+    names = scene.members.names
+    of_element = partial(output, labels=names, counts="element", unit="m")
+    return of_element("rest_length", (len(names),), start=model.tapes.rest_lengths, description="rest length")

@@ -154,14 +154,17 @@ class StructuralModel:
         about_y = rotated(np.eye(3), angle, np.zeros(3)).T if turn else np.eye(3)
         return x, np.repeat(about_y[None], len(wing.frames), axis=0)
 
-    def shown(self, values, x, rotations):
-        """Outputs that follow from a shape: positions x (n,3) m, `rotations` (r,3,3) of the frames or None."""
-        chains = self.chains(values)
+    def shown(self, values, x, rotations, chains=None):
+        """Outputs that follow from a shape: positions x (n,3) m, `rotations` (r,3,3) of the frames or None; of the
+        present chains, or of others.
+        """
+        chains = self.chains(values) if chains is None else chains
         tension = np.concatenate([tensions(x, c) for c in chains])
         out = {
             "position": x,
             "displacement": self.interface.weights @ x - self.interface.nodes,
             "tension": tension,
+            "rest_length": np.concatenate([c.l0 for c in chains]),
             "slack_lines": np.count_nonzero((self.members.area > 0.0) & (tension <= 0.0)),
         }
         wing = self.members.wing

@@ -25,6 +25,11 @@ class Tapes:
     def _rest(self):
         return np.concatenate([c.l0 for c in self._members.chains]), np.concatenate([c.k for c in self._members.chains])
 
+    @property
+    def rest_lengths(self):
+        """Rest lengths (e,) m of all elements in the tables."""
+        return self._rest[0]
+
     @cached_property
     def _shares(self):
         """Tape or reel -> rows of its elements, and the part of its length that each of them has."""

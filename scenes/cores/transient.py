@@ -108,6 +108,8 @@ class Transient(Solver):
             state = replace(state, x=x)
         elif started:
             return Result()
+        else:  # what is set before the first step is where it begins
+            state = replace(state, lengths=self._lengths(values))
         return Result(self._shown(values, state), state)
 
     def must_step(self, values, state, t, dt):
@@ -193,17 +195,21 @@ class Transient(Solver):
     def _damped_chains(self, values, window, at):
         """The chains at a time s since the beginning of the step, with dampers and rates of their rest lengths."""
         model = self.model
-        modulus = float(values["line_modulus"]) if "line_modulus" in values else None
         line, span = model.members.area > 0.0, (float(values[f"{of}_damping_time"]) for of in ("line", "spring"))
         time = np.where(line, *span)
         rates = None if window.rates is None else model.tapes.spread(window.rates)
         groups, first = [], 0
-        for group in model.tapes.chains(window.lengths_at(at), modulus):
+        for group in model.tapes.chains(window.lengths_at(at), self._modulus(values)):
             rows = slice(first, first + len(group))
             first = rows.stop
             damping = time[rows] * group.k if np.any(time > 0.0) else None
             groups.append(replace(group, c=damping, l0_rate=None if rates is None else rates[rows]))
         return tuple(groups)
+
+    @staticmethod
+    def _modulus(values):
+        """Young's modulus Pa of the lines, None where there are none."""
+        return float(values["line_modulus"]) if "line_modulus" in values else None
 
     def _mirrored(self, v):
         """Whether velocities (n,3) m/s are mirror-symmetric."""
@@ -255,7 +261,9 @@ class Transient(Solver):
         return replace(state, x=found.x, v=rest, a=rest, past=None)
 
     def _shown(self, values, state):
-        shown = self.model.shown(values, state.x, None)
+        lengths = {name: length for name, (length, _) in state.lengths.items()}
+        chains = self.model.tapes.chains(lengths, self._modulus(values))  # as reeled, whatever the parameters say
+        shown = self.model.shown(values, state.x, None, chains)
         return shown | {"velocity": self.model.interface.weights @ state.v}
 
     def _outputs(self, values, state, result, air, symmetric):

@@ -9,23 +9,32 @@ from interface import StepFailed
 from interface.vectors import rotated
 
 from ..schema import SceneError
+from .core import Core
 
 
-def trim_angle(scene, parameters: dict[str, Any]) -> float:
+def trim_angle(scene, parameters: dict[str, Any], cores: dict[str, Core]) -> float:
     """Nose-up rotation (rad) about the pivot where air and weight together do not pitch, the moment falling with the
     angle.
 
-    `parameters` override the start values of the cores. Raises `SceneError` where the range given in [trim] holds no
-    such angle, ValueError for a value that a core refuses.
+    `parameters` are given to the `cores`, which are as they were otherwise. Raises `SceneError` where the range given
+    in [trim] holds no such angle, ValueError for a value that a core refuses.
     """
-    core, structure = scene.aero_core(), scene.structural_core()
-    names = {v.name for v in core.variables}
+    core, structure = cores["aero"], cores["structural"]
     for name, value in parameters.items():
         owners = [c for c in (core, structure) if name in {v.name for v in c.variables if v.causality == "parameter"}]
         if not owners:
             raise SceneError(f"scene '{scene.name}' has no parameter '{name}'; correct its name.")
         for owner in owners:
             owner.set(name, value)
+    before = core.save()
+    try:
+        return _trim(scene, core, structure)
+    finally:
+        core.restore(before)
+
+
+def _trim(scene, core, structure):
+    names = {v.name for v in core.variables}
     if scene.pivot is None:
         raise SceneError(f"{scene.name}/scene.toml: [trim] needs [structure] pivot, the node to turn about; add it.")
     members, nodes = scene.members, scene.interface.nodes

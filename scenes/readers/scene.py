@@ -85,6 +85,11 @@ def _files(read: Description) -> tuple[str, ...]:
     return ("scene.toml", *(t for t in tables if t))
 
 
+def name_of(scene: str | Path) -> str:
+    """The name of a scene given by its name or folder; SceneError as above."""
+    return _folder(scene).name
+
+
 def settings_of(scene: str | Path) -> dict[str, Setting]:
     """The settings that a scene offers; SceneError as above."""
     return offered(_folder(scene))

@@ -1,22 +1,27 @@
 """The final state of a run and the rows of its result: weight, slack and loose lines, numbers as they are shown."""
 
 import dataclasses
+import re
+import shutil
 
 import numpy as np
 import pytest
 
 import scenes
+import scenes.readers.scene as readers
+from master.commands import run_scene
 from master.coupling import SCHEMES, Coupling, coupled_run
 from master.report import final_state, result_rows, summary
 from master.report.page import cell
 from master.report.state import loose_lines
+from scenes.cores import Core
 
 
 def flown(name, **given):
     """Scene, run and rows of the result of a scene at given parameters."""
     scene = scenes.load(name)
     run = coupled_run(Coupling.in_process(scene, given), SCHEMES["iqn-ils"](), stability=False)
-    content = summary(run, {"scene": name, "scheme": "iqn-ils", "backend": "in-process"})
+    content = summary(run, {"scene": scene.name, "scheme": "iqn-ils", "backend": "in-process"})
     return scene, run, dict(result_rows(scene, run, content))
 
 
@@ -74,3 +79,66 @@ def test_undeformed_shape_follows_a_rigid_pitch():
     state = final_state(scene, dataclasses.replace(run, blocks=blocks))
     assert state.turn == pytest.approx(np.rad2deg(angle), abs=1e-10)  # closed form
     np.testing.assert_allclose(state.frame.undeformed, position, atol=1e-12)
+
+
+def reeled_kite(tmp_path):
+    """A copy of the V3 kite whose power tape is reeled, by name."""
+    folder = shutil.copytree(scenes.load("v3_kite").folder, tmp_path / "reelkite")
+    file = folder / "scene.toml"
+    text = re.sub(r"^power_tape_length = .*\n", "", file.read_text(), flags=re.MULTILINE)
+    file.write_text(text + '\n[structure.reels]\npower_reel = ["power_tape"]\n')
+    return folder
+
+
+def test_elements_have_the_rest_length_and_tension_that_were_solved(tmp_path):
+    folder = reeled_kite(tmp_path)
+    for name, given, element, length in (
+        ("v3_kite", {"power_tape_length": 1.5}, "power_tape", 1.5),
+        (folder, {"power_reel": 3.0, "line_modulus": 50e9}, "power_tape", 3.0),
+    ):
+        scene, run, _ = flown(name, wind_speed=12.0, **given)
+        frame, blocks = final_state(scene, run).frame, run.blocks["structural"]
+        row = frame.names.index(element)
+        assert frame.rest_length[row] == length
+        stretched = blocks["line_modulus"] * scene.members.area[row] * (frame.length[row] / length - 1.0)
+        assert frame.tension[row] == pytest.approx(stretched, rel=1e-9)  # EA eps of the same positions
+
+
+def test_tension_and_rest_length_are_those_of_the_line_as_reeled():
+    scene = scenes.load("tether_in_wind", {"line_drag": "on"})
+    core = scene.structural_core()
+    core.set("tether_length_rate", 2.0)
+    start, dt, steps = float(core.get("tether_length")), 0.05, 4
+    for k in range(steps):
+        core.step(k * dt, dt)
+    length = start + 2.0 * steps * dt
+    assert float(core.get("tether_length_present")) == pytest.approx(length, rel=1e-14)
+    rest = core.get("rest_length")
+    assert rest.sum() == pytest.approx(length, rel=1e-14)
+    m, x = scene.members, core.get("position")
+    (chains,) = m.chains
+    now = np.linalg.norm(np.diff(x[chains.nodes], axis=1), axis=2).sum(axis=1)
+    expected = np.maximum(float(core.get("line_modulus")) * m.area * (now / rest - 1.0), 0.0)
+    assert core.get("tension") == pytest.approx(expected, rel=1e-9, abs=1e-6)
+    assert float(core.get("slack_lines")) == np.count_nonzero(expected <= 0.0)
+
+
+@pytest.mark.parametrize(("backend", "cores"), [("in-process", 2), ("fmu", 4)])  # FMUs have cores of their own
+def test_a_run_reads_its_scene_once_and_makes_each_core_once(tmp_path, monkeypatch, backend, cores):
+    counts = {"scenes": 0, "cores": 0}
+
+    def counted(what, function):
+        def call(*args, **options):
+            counts[what] += 1
+            return function(*args, **options)
+
+        return call
+
+    monkeypatch.setattr(Core, "__init__", counted("cores", Core.__init__))
+    monkeypatch.setattr(readers, "read_members", counted("scenes", readers.read_members))
+    choices = {
+        "scheme": "iqn-ils", "backend": backend, "relaxation": None, "tolerance": 1e-4, "force_tolerance": 1e-2,
+        "max_iterations": 50, "stability": False, "report": True, "order": "serial",
+    }  # fmt: skip
+    assert run_scene("v3_kite", choices, {"chord": "design", "wind_speed": "10"}, tmp_path) == 0
+    assert counts == {"scenes": 1, "cores": cores}
