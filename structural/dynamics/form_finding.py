@@ -11,7 +11,8 @@ from structural.assembly import Assembly
 from structural.elements import Configuration, ElementGroup
 from structural.elements.chains import Chains
 from structural.model import Loads
-from structural.solve.linear import Singular, factorised
+from structural.solve import Singular
+from structural.solve.linear import factorised
 from structural.solve.newton import rounding_of_positions
 from structural.solve.statics import equilibrium
 

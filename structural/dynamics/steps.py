@@ -4,7 +4,8 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from structural.elements import Configuration
-from structural.solve.linear import Singular, factorised
+from structural.solve import Singular
+from structural.solve.linear import factorised
 from structural.solve.newton import Newton, rounding_of_positions, stiffest
 
 from .motion import Mass, Motion, State

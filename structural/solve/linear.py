@@ -12,6 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
+from . import Singular
+
 # A pivot leaves the diagonal only where it is below this part of its column: elsewhere the fill stays that of the order
 # in which the assembly numbers the unknowns. Steps are checked by their direction and residual, not by their digits.
 # With a hundredth instead, a net of 20201 nodes with slack zones takes 2.6 times as long to factorise.
@@ -22,10 +24,6 @@ ACCURATE_PIVOT = 1e-3
 # Unknowns from which Newton steps take PARDISO where it is installed: a solve then lasts long enough that the 0.3 s of
 # loading it are little. Results differ from those of SuperLU by rounding, and from run to run with several threads.
 LARGE = 15_000
-
-
-class Singular(ArithmeticError):
-    """A matrix has no inverse."""
 
 
 class Factors:

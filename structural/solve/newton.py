@@ -6,7 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from .linear import PIVOT, Singular, factorised, shifted
+from . import Singular
+from .linear import PIVOT, factorised, shifted
 
 # The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
 # nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.

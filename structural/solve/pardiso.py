@@ -8,7 +8,7 @@ import functools
 
 import numpy as np
 
-from .linear import Singular
+from . import Singular
 
 STRUCTURALLY_SYMMETRIC = 1  # type of matrix: symmetric pattern, values that need not be
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33  # phases

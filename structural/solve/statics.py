@@ -11,7 +11,8 @@ from structural.assembly import Assembly, Prepared
 from structural.elements import ElementGroup
 from structural.model import Loads
 
-from .linear import ACCURATE_PIVOT, Singular, factorised, shifted
+from . import Singular
+from .linear import ACCURATE_PIVOT, factorised, shifted
 from .newton import Newton, rounding_force, stiffest
 
 # Newton iterations after which lines and ropes that are stiff for their loads are softened (see `softened_stages`);
