@@ -7,6 +7,7 @@ that name: the same code has the same name, and is loaded once.
 
 import ast
 import hashlib
+import re
 from pathlib import Path
 
 import pythonfmu
@@ -150,24 +151,24 @@ def private_code(code: dict[str, bytes], root: str) -> dict[str, bytes]:
     return {f"{root}/__init__.py": ROOT.encode(), **inside}
 
 
+# Statements that import what is carried, one package each: from it, by its own name, or under another.
+_NAME = rf"(?:{'|'.join(CARRIED)})"
+_FROM = re.compile(rf"^([ \t]*)from ({_NAME}(?:\.\w+)*) import ", re.MULTILINE)
+_PLAIN = re.compile(rf"^([ \t]*)import ({_NAME})(?=[ \t]*(?:#.*)?$)", re.MULTILINE)
+_RENAMED = re.compile(rf"^([ \t]*)import ({_NAME}(?:\.\w+)*) as ", re.MULTILINE)
+_OTHER = re.compile(rf"^[ \t]*import (?:[\w., \t]+,[ \t]*)?{_NAME}\b", re.MULTILINE)
+
+
 def rewritten(source: bytes, root: str) -> bytes:
     """A module whose imports of packages that FMUs carry are those of the private ones. ValueError for an import that
-    binds such a package by a dotted name, which has no private form of one statement.
+    binds such a package by a dotted name, or beside others, which has no private form of one statement.
     """
-    lines = source.decode().splitlines(keepends=True)
-    for node in ast.walk(ast.parse(source)):
-        match node:
-            case ast.ImportFrom(module=str(module), level=0) if module.partition(".")[0] in CARRIED:
-                _replace(lines, node, f"from {module}", f"from {root}.{module}")
-            case ast.Import(names=names) if any(name.name.partition(".")[0] in CARRIED for name in names):
-                (name, *more) = names
-                if more or ("." in name.name and name.asname is None):
-                    raise ValueError(f"line {node.lineno}: import one package a line, or from it.")
-                if name.asname is None:
-                    _replace(lines, node, f"import {name.name}", f"from {root} import {name.name}")
-                else:
-                    _replace(lines, node, f"import {name.name}", f"import {root}.{name.name}")
-    return "".join(lines).encode()
+    text = _FROM.sub(rf"\1from {root}.\2 import ", source.decode())
+    text = _PLAIN.sub(rf"\1from {root} import \2", text)
+    text = _RENAMED.sub(rf"\1import {root}.\2 as ", text)
+    if left := _OTHER.search(text):
+        raise ValueError(f"'{left[0].strip()}' cannot be made private: import one package a line, or from it.")
+    return text.encode()
 
 
 def script_of(source: bytes, root: str) -> bytes:
@@ -179,11 +180,3 @@ def script_of(source: bytes, root: str) -> bytes:
     lines = rewritten(source, root).decode().splitlines(keepends=True)
     at = tree.body[first].lineno - 1
     return "".join([*lines[:at], LOOK.format(root=root), *lines[at:]]).encode()
-
-
-def _replace(lines: list[str], node: ast.stmt, old: str, new: str) -> None:
-    row, column = node.lineno - 1, node.col_offset
-    begin, rest = lines[row][:column], lines[row][column:]
-    if not rest.startswith(old):
-        raise ValueError(f"line {node.lineno}: write the import as '{old}'.")
-    lines[row] = begin + new + rest.removeprefix(old)

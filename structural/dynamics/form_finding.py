@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import brentq
 
 from structural.assembly import Assembly
 from structural.elements import Configuration, ElementGroup
@@ -161,6 +160,8 @@ def force_density_start(assembly: Assembly, groups: Sequence[ElementGroup], load
     high = np.log(max(max(float(np.max(c.k * c.l0)) for c in chains) * STRONGEST, 10.0 * WEAKEST * load) * 1e3)
     if not too_long(low) > 0.0 > too_long(high):
         return None
+    from scipy.optimize import brentq  # not loaded where no form is found
+
     return assembly.positions(at_rest + moved / np.exp(brentq(too_long, low, high, xtol=1e-3)))
 
 

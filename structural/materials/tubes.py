@@ -8,11 +8,10 @@ instead of fits.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Protocol, Self
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from .sections import Section, coupled, linear_shear, shortening
 
@@ -227,19 +226,21 @@ def _collapse_moment(a, b, deflection):
     return _root_moment(np.where(soft, low, deflection), a, b)[0]
 
 
+@cache
 def _wrinkled():
     """Curvature over moment of a pressurised membrane tube, both relative to the onset of wrinkles (Comer and Levy).
 
     With theta_0 the half angle of the wrinkled part: kappa / kappa_w = pi / D, D = (pi - theta_0) cos theta_0 +
     sin theta_0, and M / M_w = (pi - theta_0 + sin(2 theta_0) / 2) / D.
     """
+    from scipy.interpolate import CubicSpline  # not loaded where no fabric wrinkles
+
     theta = np.linspace(0.0, 2.9, 400)
     d = (np.pi - theta) * np.cos(theta) + np.sin(theta)
     moment = (np.pi - theta + 0.5 * np.sin(2.0 * theta)) / d
     return CubicSpline(moment, np.pi / d, bc_type=((1, 1.0), "not-a-knot"))
 
 
-_WRINKLED = _wrinkled()
 # Collapse of a membrane tube, relative to the onset of wrinkles: the moment tends to 2 and the curvature to infinity;
 # here nine tenths of the circumference are wrinkled.
 FULLY_WRINKLED = 1.98
@@ -258,8 +259,8 @@ class WrinklingBending(Section):
         ei, onset = self.EI[:, None], self.onset[:, None]
         relative = moment / onset
         beyond = np.maximum(relative, 1.0)
-        kappa = np.where(relative <= 1.0, relative, _WRINKLED(beyond))
-        slope = np.where(relative <= 1.0, 1.0, _WRINKLED(beyond, 1))
+        kappa = np.where(relative <= 1.0, relative, _wrinkled()(beyond))
+        slope = np.where(relative <= 1.0, 1.0, _wrinkled()(beyond, 1))
         return kappa * onset / ei, slope / ei
 
 
