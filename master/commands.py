@@ -59,7 +59,6 @@ def run_scene(
 
     motion = {key: value for key, value in (motion or {}).items() if value is not None}
     _checked(choices)
-    begin = time.perf_counter()
     built, kept = assigned, []
     if files.restart is not None:
         built = restart.remembered(files.restart, scenes.name_of(name), choices["backend"], assigned)
@@ -75,14 +74,15 @@ def run_scene(
         from master.transient import run_transient
 
         return run_transient(job, opened(scene, choices["backend"], given, out, cores), live, **motion)
-    return _run_quasi_static(job, cores, live, begin)
+    return _run_quasi_static(job, cores, live)
 
 
-def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool, begin: float) -> int:
+def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
     """Run a quasi-static scene; the exit code."""
     scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
+    begin = time.perf_counter()
     with pair(scene, choices["backend"], given, out, cores) as coupling, progress(choices["tolerance"], live) as shown:
         ready = time.perf_counter()
         used = _scheme(choices, coupling)
