@@ -141,12 +141,13 @@ Lines = Annotated[dict[str, tuple[str, ...]], lists_of_lines]
 class StructureInput:
     """[structure]: tables of nodes and elements, and what all of them share.
 
-    `line_modulus` Pa and `line_density` kg/m^3 of lines; `gravity` m/s^2 towards -z; `symmetric`: solve one half;
-    `pivot` the node that the structure pitches about, `hold` that at which roll and yaw can be held. Of an inflatable
-    wing: `tube_pressure` Pa above that of the air, `tube_stiffness` and `tube_shear_stiffness` N/m of the fabric of
-    tubes, `wing_mass` kg, `canopy_stiffness` and `canopy_shear_stiffness` N/m, `canopy_density` kg/m^2,
-    `canopy_bending_stiffness` N m. `tapes` and `reels` are parameters with the lines that they lengthen, `load_values`
-    the start values N of the parameters in the table `loads`.
+    Tables are `nodes`, `springs`, `canopy` quads, `lines`, point `masses`; `ribs`, `tubes` and `attachments` of an
+    inflatable wing; `loads` on nodes. `line_modulus` Pa and `line_density` kg/m^3 of lines; `gravity` m/s^2 towards -z;
+    `symmetric`: solve one half; `pivot` the node that the structure pitches about, `hold` that at which roll and yaw
+    can be held. Of an inflatable wing: `tube_pressure` Pa above that of the air, `tube_stiffness` and
+    `tube_shear_stiffness` N/m of the fabric of tubes, `wing_mass` kg, `canopy_stiffness` and `canopy_shear_stiffness`
+    N/m, `canopy_density` kg/m^2, `canopy_bending_stiffness` N m. `tapes` and `reels` are parameters with the lines that
+    they lengthen, `load_values` the start values N of the parameters in the table `loads`.
     """
 
     nodes: File
@@ -179,7 +180,7 @@ class StructureInput:
 
 @dataclass(frozen=True)
 class WingInput:
-    """[wing]: tables of the lifting surface: struts, design sections, polars."""
+    """[wing]: tables of the lifting surface: `struts` that carry strips, design `sections`, and `polars` of these."""
 
     struts: File | None = None
     sections: File = field(kw_only=True)
@@ -188,7 +189,7 @@ class WingInput:
 
 @dataclass(frozen=True)
 class AeroInput:
-    """[aero]: the wind and the method for the flow around the wing.
+    """[aero]: the wind and the `method` for the flow around the wing.
 
     `wind_speed` m/s, `wind_direction` (3,) of any length, `air_density` kg/m^3, `reference_area` m^2 of the
     coefficients; `line_normal_drag` and `line_friction` are coefficients of lines in the wind. `options` are the keys
@@ -207,7 +208,7 @@ class AeroInput:
 
 @dataclass(frozen=True)
 class TrimInput:
-    """[trim]: the range of nose-up rotations, deg, in which the kite is trimmed before a run."""
+    """[trim]: the range of nose-up angles, `lowest_deg` to `highest_deg`, in which a kite is trimmed before a run."""
 
     lowest_deg: Finite = -5.0
     highest_deg: Finite = 25.0

@@ -9,7 +9,7 @@ import numpy as np
 from ..builders.interface import arc_fraction
 from ..members import Members
 from ..scene import SectionPolars
-from ..schema import SceneError
+from ..schema import SceneError, WingInput
 from .description import Description
 from .tables import Table, name, number, read_table
 
@@ -77,12 +77,11 @@ def _struts(folder, scene, members):
     return struts
 
 
-def read_sections(folder: Path, scene: Description) -> Table:
+def read_sections(folder: Path, wing: WingInput) -> Table:
     """The table of design sections, left tip first."""
-    assert scene.wing is not None
     columns: dict[str, Callable[[str], Any]] = {"section": name, "polar": name}
     columns |= {f"{side}_{axis}_m": number for side in ("le", "te") for axis in "xyz"}
-    table = read_table(folder / scene.wing.sections, columns)
+    table = read_table(folder / wing.sections, columns)
     if len(table) < 2:
         raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two sections; add one.")
     edge = np.array([table[f"le_{axis}_m"] for axis in "xyz"]).T
@@ -101,11 +100,10 @@ def design_edges(sections: Table, scale: float) -> tuple[np.ndarray, np.ndarray]
     return le, te
 
 
-def read_polars(folder: Path, scene: Description, sections: Table) -> SectionPolars:
-    """The polars of the design sections."""
-    assert scene.wing is not None
+def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float) -> SectionPolars:
+    """The polars of the design sections of a wing at a scale."""
     columns = {"polar": name, "alpha_deg": number, "cl": number, "cd": number, "cm": number}
-    table = read_table(folder / scene.wing.polars, columns)
+    table = read_table(folder / wing.polars, columns)
     polar = np.array(table["polar"])
     values = np.array([table[c] for c in ("alpha_deg", "cl", "cd", "cm")])
     label = f"{table.path.parent.name}/{table.path.name}"
@@ -130,5 +128,5 @@ def read_polars(folder: Path, scene: Description, sections: Table) -> SectionPol
             raise SceneError(f"{sections.at(row)}: polar '{key}' is not in {label}; add it or correct the name.")
     used = list(dict.fromkeys(sections["polar"]))
     cl, cd, cm = np.array([curves[key] for key in used]).transpose(1, 0, 2)
-    span = arc_fraction(design_edges(sections, scene.choices.scale)[0])
+    span = arc_fraction(design_edges(sections, scale)[0])
     return SectionPolars(np.deg2rad(grid), cl, cd, cm, np.array([used.index(key) for key in sections["polar"]]), span)

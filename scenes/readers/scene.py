@@ -27,7 +27,8 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     read = _scaled(folder, read)
     members = read_members(folder, read.structure, read.choices, read.offers)
     struts = read_struts(folder, read, members)
-    sections = None if read.wing is None else read_sections(folder, read)
+    wing = read.wing
+    sections = None if wing is None else read_sections(folder, wing)
     pivot = read.structure.pivot
     return Scene(
         folder.name,
@@ -36,14 +37,14 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         read.chosen,
         read.choices,
         read.structure,
-        read.wing,
+        wing,
         read.aero,
         read.trim,
         read.dynamics,
         members,
         _interface(read, members, struts, sections),
         struts,
-        None if sections is None else read_polars(folder, read, sections),
+        None if wing is None or sections is None else read_polars(folder, wing, sections, read.choices.scale),
         read_loads(folder, read.structure, members),
         None if pivot is None else members.node(pivot, f"{folder.name}/scene.toml [structure] pivot"),
         Source(folder, _files(read), read.offers),
