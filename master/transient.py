@@ -19,7 +19,7 @@ from master.coupling.schemes import SCHEMES
 from master.coupling.simulation import PARAMETERS, Inputs, Simulation, simulate
 from master.report import missing_libraries, print_written, versions, write_json, write_state
 from master.report.console import print_rows
-from master.report.transient import NO_PLOTS, RESULTS, Recorder, result_rows, summary, write_plots
+from master.report.transient import NO_PLOTS, RESULTS, Recorder, nothing_on, result_rows, summary, write_plots
 from master.restart import Job, StepCheckpointWriter, resumed_march
 
 EXIT_FINISHED, EXIT_NOT_FINISHED = 0, 1
@@ -119,7 +119,7 @@ def _write(
     scene, out = job.scene, job.out
     merged = {**blocks["structural"], **blocks.get("aero", {})}
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
-    merged.setdefault("pressure", np.zeros(len(scene.interface.panels)))
+    merged = nothing_on(scene.interface) | merged
     written = ["summary.json", "history.csv", *write_state(out, merged, labels, scene.interface, None)]
     write_json(out / "summary.json", content | {"remarks": remarks})
     lacking = ""

@@ -191,12 +191,17 @@ def write_plots(
     return written
 
 
+def nothing_on(mesh: Any) -> dict[str, np.ndarray]:
+    """No displacement and no pressure on an interface mesh: of a scene that lacks the blocks or the flow for them."""
+    return {"displacement": np.zeros(mesh.nodes.shape), "pressure": np.zeros(len(mesh.panels))}
+
+
 def _meshes(folder: Path, scene: Any, blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
     from master.report import vtk
     from master.report.state import final_state
 
-    none = {"pressure": np.zeros(len(scene.interface.panels))}
-    at_end = SimpleNamespace(blocks={"structural": blocks["structural"], "aero": none | blocks.get("aero", {})})
+    none = nothing_on(scene.interface)
+    at_end = SimpleNamespace(blocks={side: none | blocks.get(side, {}) for side in ("structural", "aero")})
     state = final_state(scene, at_end)  # type: ignore[arg-type]
     files = {}
     if len(state.surface.panels):
