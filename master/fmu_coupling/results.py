@@ -74,9 +74,15 @@ class Recorder:
             flat = np.ravel(value)
             row += map(repr, flat.tolist())
             self.curves[name].add(time, flat if flat.size <= 3 else np.atleast_1d(np.linalg.norm(flat)))
+        self._begun().add(row)
+
+    def _begun(self) -> Rows:
+        """The rows; with the first one what an earlier run left goes, as all input is known to be good then."""
         if self._rows is None:
+            for name in RESULTS:
+                (self.folder / name).unlink(missing_ok=True)
             self._rows = Rows(self.folder / "results.csv", self._header)
-        self._rows.add(row)
+        return self._rows
 
     def __enter__(self) -> Self:
         return self
@@ -92,6 +98,7 @@ class Recorder:
 
     def finish(self, result: CoupleResult, report: bool = True) -> None:
         """Write what is left to write at the end of a run."""
+        self._begun()
         self._close()
         _write_steps(self.folder / "steps.csv", result.steps, self.document)
         write_json(self.folder / "summary.json", summary(self.document, result))
@@ -108,14 +115,14 @@ class Recorder:
 
 
 def _prepare(folder: Path) -> None:
-    """Make the folder and take away what an earlier run left in it; ValueError in one sentence if that cannot be."""
+    """Make the folder; ValueError in one sentence if that cannot be, or where a folder stands for one of the files."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in RESULTS:
-            (folder / name).unlink(missing_ok=True)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueError(f"results cannot be written to {folder} ({reason}); name another folder.") from None
+    if foreign := [name for name in RESULTS if (folder / name).is_dir()]:
+        raise ValueError(f"{folder} has a folder where {foreign[0]} should go; name another folder.")
 
 
 def _indices(shape: tuple[int, ...]) -> Iterator[str]:

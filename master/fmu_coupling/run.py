@@ -124,7 +124,20 @@ class Run:
             now.require_fields(self.exchange, self.document.settings.order)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
+        self._require_times(f"the {self.exchange.time:g} s of the checkpoint {path}")
         return now
+
+    def _require_times(self, begin: str) -> None:
+        """ValueError in one sentence where the stop time does not suit where a restart begins."""
+        s, exchange = self.document.settings, self.exchange
+        count = round((s.stop - exchange.time) / exchange.dt)
+        if count < 0:
+            raise ValueError(f"{self.document.file}: [time] stop = {s.stop:g} lies before {begin}; take a later one.")
+        if abs(exchange.time + count * exchange.dt - s.stop) > 1e-6 * exchange.dt:
+            raise ValueError(
+                f"{self.document.file}: [time] stop = {s.stop:g} is no whole number of steps of {exchange.dt:g} after "
+                f"{begin}; change one."
+            )
 
     def _hold(self, now: March) -> None:
         last = self.exchange.time > self.document.settings.stop - 0.5 * self.exchange.dt
