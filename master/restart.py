@@ -1,5 +1,6 @@
 """Checkpoint and restart of runs of scenes: what is written when, and what a restart may change."""
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -36,7 +37,7 @@ class Job:
     @property
     def about(self) -> dict[str, Any]:
         """What a checkpoint says of the run."""
-        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
+        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings, "scene_files": digest(self.scene)}
         return {**scene, "parameters": _plain(self.given), **self.choices}
 
     def clear(self, names: Iterable[str]) -> None:
@@ -52,6 +53,15 @@ class Job:
     def remembered(self) -> list[str]:
         """A remark on what a restart has from its checkpoint."""
         return [f"as in the checkpoint: {', '.join(self.kept)}"] if self.kept else []
+
+
+def digest(scene: Any) -> str:
+    """What stands for the contents of the files that a scene is made of."""
+    total = hashlib.sha256()
+    for name in sorted(set(scene.files)):
+        content = (scene.folder / name).read_bytes()
+        total.update(f"{name}\n{len(content)}\n".encode() + content)
+    return total.hexdigest()[:16]
 
 
 def _plain(given: dict[str, Any]) -> dict[str, Any]:
@@ -140,6 +150,18 @@ def _changed(
     return given
 
 
+def _others(was: Mapping[str, Any], now: Mapping[str, Any], keys: Iterable[str]) -> list[str]:
+    """Which of the keys are others than in a checkpoint."""
+    return [k for k in keys if now.get(k) != was.get(k) and (k != "scene_files" or k in was)]
+
+
+def _difference(key: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """What is another in a restart, in words."""
+    if key == "scene_files":
+        return "with other tables of the scene than then"
+    return f"{key} {was.get(key)} -> {now[key]}"
+
+
 def _give(exchange: Exchange, now: Mapping[str, Any], names: list[str]) -> None:
     """Set parameters of these names in all participants that have them."""
     for name in names:
@@ -165,10 +187,9 @@ def resumed_march(
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     _give(exchange, now, given)
-    changed = [k for k in ("scheme", "tolerance", "communication_step") if now.get(k) != was.get(k)]
+    changed = _others(was, now, ("scene_files", "scheme", "tolerance", "communication_step"))
     remark = f"restarted from {path.name} at {was['time']:g} s"
-    for key in changed:
-        remark += f", {key} {was.get(key)} -> {now[key]}"
+    remark += "".join(f", {_difference(key, was, now)}" for key in changed)
     for name in given:
         remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
     return begun, remark
@@ -193,15 +214,14 @@ def resumed(
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
-    changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
+    changed = _others(was, now, [k for k in now if k not in (*HARMLESS, "parameters")])
     remark = f"restarted from {path.name} after {was['coupling_iterations']} coupling iterations"
     if not changed and not given and search.loop is not None:
         return search, [remark]
     if search.best is not None:
         coupling.free(search.best[0])
     _give(coupling, now, given)
-    for key in changed:
-        remark += f", {key} {was.get(key)} -> {now[key]}"
+    remark += "".join(f", {_difference(key, was, now)}" for key in changed)
     for name in given:
         remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
     remark += "; coupling iterations are counted from 1 again"

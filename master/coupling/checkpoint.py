@@ -110,22 +110,30 @@ def serialised(exchange: Exchange, states: Mapping[str, Any]) -> dict[str, bytes
 
 
 def dump_participants(exchange: Exchange) -> dict[str, Any]:
-    """Clock, counters and serialised states of the participants as they are now."""
+    """Clock, counters, blocks and serialised states of the participants as they are now."""
     now = exchange.save()
     try:
         kept = serialised(exchange, now)
     finally:
         exchange.free(now)
-    return {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
+    found = {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
+    return found | {"blocks": {name: _blocks(exchange, name) for name in kept}}
+
+
+def _blocks(exchange: Exchange, name: str) -> dict[str, tuple[int, ...]]:
+    """Block -> shape of a participant; names that a user has given do not count."""
+    participant = exchange.participants[name]
+    return {block: tuple(shape) for block, shape in getattr(participant, "own_blocks", participant.blocks).items()}
 
 
 def load_participants(exchange: Exchange, kept: Mapping[str, Any]) -> None:
-    """Restore participants made alike from what `dump_participants` gave; ValueError in one sentence for others."""
+    """Restore participants made alike from what `dump_participants` gave; ValueError in one sentence for others, which
+    stay as they are.
+    """
     if missing := sorted(kept["states"].keys() ^ exchange.saving()):
         raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
-    (begin, count), dt = kept["clock"], kept["dt"]
-    exchange.clock = (begin, count) if dt == exchange.dt else (begin + count * dt, 0)
-    exchange.evaluations = kept["evaluations"]
+    for name, blocks in kept.get("blocks", {}).items():
+        _require_blocks(name, blocks, _blocks(exchange, name))
     states: dict[str, Any] = {}
     try:
         for name, data in kept["states"].items():
@@ -135,6 +143,21 @@ def load_participants(exchange: Exchange, kept: Mapping[str, Any]) -> None:
         raise ValueError(f"the checkpoint does not fit: {error}.") from error
     finally:
         exchange.free(states)
+    (begin, count), dt = kept["clock"], kept["dt"]
+    exchange.clock = (begin, count) if dt == exchange.dt else (begin + count * dt, 0)
+    exchange.evaluations = kept["evaluations"]
+
+
+def _require_blocks(name: str, was: Mapping[str, tuple[int, ...]], here: Mapping[str, tuple[int, ...]]) -> None:
+    """ValueError in one sentence where the blocks of a participant are not those of the checkpoint."""
+    other = [block for block in {**was, **here} if was.get(block) != here.get(block)]
+    if other:
+        then, now = (f"shape {blocks[other[0]]}" if other[0] in blocks else "none" for blocks in (was, here))
+        more = f" ({len(other) - 1} more differ)" if len(other) > 1 else ""
+        raise ValueError(
+            f"the checkpoint does not fit, as the tables or settings it was written with were others: {other[0]} of "
+            f"{name} has {then} there and {now} here{more}; begin without it."
+        )
 
 
 def dump_search(coupling: Exchange, scheme: Scheme, search: Search, snapshot: StateSnapshot | None) -> dict[str, Any]:
