@@ -32,6 +32,7 @@ SetOption = Annotated[
 
 @app.command(short_help="Couple structure and flow of SCENE, to equilibrium or in time.")
 def run(
+    ctx: typer.Context,
     scene: SceneArgument,
     scheme: Annotated[
         str, typer.Option(help="explicit, relaxation, aitken, iqn-ils, iqn-imvj or newton-krylov (in-process only).")
@@ -63,7 +64,8 @@ def run(
         Path | None,
         typer.Option(
             help="Continue from this checkpoint, one of your own. Scene, its settings, fixed parameters and backend "
-            "stay; scheme, tolerances and tunable parameters may be others. What is not given is as in the checkpoint."
+            "stay; scheme, tolerances and tunable parameters may be others. Of the options that say how to "
+            "solve, those that are not given are as in the checkpoint."
         ),
     ] = None,
     stop_time: Annotated[float | None, typer.Option(help="Transient cases: end of the run in s.")] = None,
@@ -106,6 +108,7 @@ def run(
             Files(checkpoint, checkpoint_every, restart),
             live,
             {"stop_time": stop_time, "step": step, "inputs": inputs},
+            {name for name in choices if ctx.get_parameter_source(name).name != "DEFAULT"},  # type: ignore[union-attr]
         )
     )
 

@@ -4,7 +4,7 @@ import contextlib
 import shlex
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -50,20 +50,22 @@ def run_scene(
     files: Files = NO_FILES,
     live: bool = False,
     motion: dict[str, Any] | None = None,
+    chosen: Collection[str] | None = None,
 ) -> int:
     """Run a scene, print its table, write its files; the exit code.
 
-    `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself.
+    `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself. `chosen` are
+    the names of the `choices` that a restart does not take from its checkpoint, None: all.
     """
     import scenes
 
     motion = {key: value for key, value in (motion or {}).items() if value is not None}
-    _checked(choices)
     begin = time.perf_counter()
-    built, kept = assigned, []
+    built, kept = assigned, list[str]()
     if files.restart is not None:
-        built = restart.remembered(files.restart, scenes.load(name).name, choices["backend"], assigned)
-        kept = [f"{key} = {built[key]}" for key in built if key not in assigned and key != "trim_angle"]
+        asked = restart.Asked(choices, choices.keys() if chosen is None else chosen, motion, assigned)
+        choices, motion, built, kept = asked.remembered(files.restart, scenes.load(name))
+    _checked(choices)
     scene, given = prepared(name, built)
     if motion and not scene.moves:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]

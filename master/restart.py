@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -69,17 +69,75 @@ def _plain(given: dict[str, Any]) -> dict[str, Any]:
     return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
-def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]) -> dict[str, str]:
-    """Settings and parameters with which to build the participants of a restart, as texts: those of the checkpoint,
-    and the `assigned` ones before them.
+MOTION = {"stop_time": "stop_time", "step": "communication_step"}  # option -> what a checkpoint calls it
 
-    ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit.
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the command line asks of a restart: `choices`, of which those `chosen` were given, and as far as they were
+    given `motion` (stop_time, step, inputs) and `assigned` settings and parameters, as texts.
     """
+
+    choices: Mapping[str, Any]
+    chosen: Collection[str]
+    motion: Mapping[str, Any]
+    assigned: Mapping[str, str]
+
+    def remembered(self, path: Path, scene: Any) -> tuple[dict[str, Any], dict[str, Any], dict[str, str], list[str]]:
+        """Choices, motion, and settings and parameters with which to build the participants, where what was not given
+        is as in a checkpoint; and what that is, in words, where it is not as without one.
+
+        ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit, and for one
+        with inputs that are no longer there.
+        """
+        about = head(path)
+        same = {key: about[key] for key in self.choices if key in about and key not in self.chosen}
+        if {**self.choices, **same}["scheme"] != about.get("scheme"):
+            same.pop("relaxation", None)  # it was that of another scheme
+        choices = {**self.choices, **same}
+        _require_same(path, about, scene=scene.name, backend=choices["backend"])
+        motion = {option: about[key] for option, key in MOTION.items() if scene.moves and key in about}
+        if scene.moves and about.get("inputs") is not None and "inputs" not in self.motion:
+            motion["inputs"] = _inputs(path, about["inputs"])
+        texts = {name: str(value) for name, value in about["scene_settings"].items()}
+        texts |= {name: assignment_text(value) for name, value in about["parameters"].items()}
+        kept = [f"{name} = {text}" for name, text in texts.items() if name not in (*self.assigned, "trim_angle")]
+        kept += [f"{name} = {value}" for name, value in same.items() if value != self.choices[name]]
+        usual = {"stop_time": scene.dynamics.stop_time, "step": scene.communication_step} if scene.moves else {}
+        other = [name for name in motion if name not in self.motion and motion[name] != usual.get(name)]
+        kept += [f"{name} = {motion[name]}" for name in other]
+        return choices, {**motion, **self.motion}, {**texts, **self.assigned}, kept
+
+
+def head(path: Path) -> dict[str, Any]:
+    """What a checkpoint of a run of a scene is about; ValueError in one sentence for one of something else."""
     about = checkpoint.head(path)
-    _require_same(path, about, scene=scene, backend=backend)
-    kept = {name: str(value) for name, value in about["scene_settings"].items()}
-    kept |= {name: assignment_text(value) for name, value in about["parameters"].items()}
-    return {**kept, **assigned}
+    if "models" in about:
+        raise ValueError(
+            f"checkpoint {path} is of `kitecosim couple {about.get('document', '')}`; continue it with that command."
+        )
+    if missing := [key for key in ("scene", "scene_settings", "parameters") if key not in about]:
+        raise ValueError(f"checkpoint {path} does not say of which {missing[0]} it is; name one of `kitecosim run`.")
+    return about
+
+
+def inputs_file(path: Path) -> dict[str, str]:
+    """What a checkpoint says of a table of inputs: where it is, and its SHA-256."""
+    return {"path": str(path.resolve()), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def _inputs(path: Path, kept: Mapping[str, str]) -> Path:
+    """The table of inputs that a checkpoint was written with; ValueError in one sentence if it is another one now."""
+    table, why = Path(kept["path"]), ""
+    try:
+        why = "" if inputs_file(table)["sha256"] == kept["sha256"] else "has changed since"
+    except OSError as error:
+        why = f"cannot be read ({(error.strerror or str(error)).lower()})"
+    if why:
+        raise ValueError(
+            f"checkpoint {path} was written with --inputs {table}, which {why}; name a table with --inputs."
+        )
+    return table
 
 
 def _require_same(path: Path, was: Mapping[str, Any], **now: str) -> None:
@@ -152,13 +210,21 @@ def _changed(
 
 def _others(was: Mapping[str, Any], now: Mapping[str, Any], keys: Iterable[str]) -> list[str]:
     """Which of the keys are others than in a checkpoint."""
-    return [k for k in keys if now.get(k) != was.get(k) and (k != "scene_files" or k in was)]
+
+    def value(about: Mapping[str, Any], key: str) -> Any:
+        found = about.get(key)
+        return found["sha256"] if key == "inputs" and found is not None else found
+
+    return [k for k in keys if value(now, k) != value(was, k) and (k != "scene_files" or k in was)]
 
 
 def _difference(key: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """What is another in a restart, in words."""
     if key == "scene_files":
         return "with other tables of the scene than then"
+    if key == "inputs":
+        old, new = ("none" if about.get(key) is None else about[key]["path"] for about in (was, now))
+        return f"inputs {old} -> {new}" if old != new else f"inputs {new}, which has changed"
     return f"{key} {was.get(key)} -> {now[key]}"
 
 
@@ -187,7 +253,7 @@ def resumed_march(
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     _give(exchange, now, given)
-    changed = _others(was, now, ("scene_files", "scheme", "tolerance", "communication_step"))
+    changed = _others(was, now, ("scene_files", "scheme", "relaxation", "tolerance", "communication_step", "inputs"))
     remark = f"restarted from {path.name} at {was['time']:g} s"
     remark += "".join(f", {_difference(key, was, now)}" for key in changed)
     for name in given:

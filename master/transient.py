@@ -20,7 +20,7 @@ from master.coupling.simulation import PARAMETERS, Inputs, Simulation, simulate
 from master.report import missing_libraries, print_written, versions, write_json, write_state
 from master.report.console import print_rows
 from master.report.transient import NO_PLOTS, RESULTS, Recorder, nothing_on, result_rows, summary, write_plots
-from master.restart import Job, StepCheckpointWriter, resumed_march
+from master.restart import Job, StepCheckpointWriter, inputs_file, resumed_march
 
 EXIT_FINISHED, EXIT_NOT_FINISHED = 0, 1
 
@@ -44,6 +44,7 @@ def run_transient(
     stop, dt = transient_times(scene, stop_time, step, begun)
     table = None if inputs is None else Inputs.read(inputs)
     about = {**job.about, "stop_time": stop, "communication_step": dt}
+    about["inputs"] = None if inputs is None else inputs_file(inputs)
     remarks = list(job.remembered)
     begin = time.perf_counter()
     with participants as pair:

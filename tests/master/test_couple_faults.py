@@ -63,7 +63,8 @@ def test_a_checkpoint_of_the_other_backend_is_refused_with_the_remedy(tmp_path):
     command = ["run", "typical_section", *options]
     runner = CliRunner()
     assert runner.invoke(app, [*command, "--backend", "in-process", "--checkpoint", str(file)]).exit_code == 0
-    ended = runner.invoke(app, [*command, "--restart", str(file)])
+    ended = runner.invoke(app, [*command, "--restart", str(file), "--backend", "fmu"])
     assert ended.exit_code == 2
     assert "add --backend in-process" in ended.output
     assert "a b.ckp" in ended.output
+    assert runner.invoke(app, [*command, "--restart", str(file)]).exit_code == 0  # as in the checkpoint
