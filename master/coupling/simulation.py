@@ -187,7 +187,7 @@ def simulate(
         run.time = time
         run.evaluations = exchange.evaluations
         if inputs is not None:
-            inputs.apply(run.participants, time + step)
+            inputs.apply(run.participants, exchange.end)
         if follower is not None:
             follower(time, run)
 

@@ -105,3 +105,17 @@ def test_a_factor_of_another_scheme_does_not_come_along(tmp_path):
     assert cli(*SECTION, *first).exit_code == 0
     assert cli("typical_section", "--restart", kept, "--scheme", "iqn-ils", "--out", tmp_path / "b").exit_code == 0
     assert summary(tmp_path / "b")["settings"]["relaxation"] is None
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "aitken"])
+def test_steep_inputs_reach_a_restart_to_the_last_bit_wherever_it_begins(scheme, tmp_path):
+    table, words = tmp_path / "reel.csv", [*TETHER, "--scheme", scheme, "--inputs", tmp_path / "reel.csv"]
+    table.write_text("time,tether_length,wind_speed\n0,300,1\n0.7,301.3,17.7\n")
+    assert cli(*words, "--stop-time", 0.7, "--out", tmp_path / "whole").exit_code == 0
+    whole = (tmp_path / "whole" / "history.csv").read_text().splitlines()
+    for k in range(1, 7):  # 6 x 0.1 is not 0.5 + 0.1
+        kept, out = tmp_path / "a.ckp", tmp_path / f"rest{k}"
+        first = cli(*words, "--stop-time", f"{k / 10}", "--checkpoint", kept, "--out", tmp_path / "half")
+        assert first.exit_code == 0, first.output
+        assert cli("tether_in_wind", "--restart", kept, "--stop-time", 0.7, "--out", out).exit_code == 0
+        assert (out / "history.csv").read_text().splitlines()[2:] == whole[2 + k :]
