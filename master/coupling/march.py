@@ -171,8 +171,8 @@ def march(
     step from the states at its beginning, from a `predictor` of what is sent back; tolerances are those of
     `fixed_point`. A step that does not converge is tried once more, without extrapolation and with the scheme
     restarted. If that fails too the run ends (`strict`), or it continues with what was reached and its status says so.
-    `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs; `begun` from
-    one continues there.
+    `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs; a StepFailed
+    of theirs ends the run with its status. `begun` from a checkpoint continues there.
 
     ValueError in one sentence where a participant with a memory cannot restore its state and the scheme is implicit.
     """
@@ -220,10 +220,16 @@ def march(
             now.x = found.x_tilde
             exchange.accept()
             now.predictor.add(exchange.time, now.x)
-            if callback is not None:
-                callback(exchange.time, found)
-            if hold is not None:
-                hold(now)
+            try:
+                if callback is not None:
+                    callback(exchange.time, found)
+                if hold is not None:
+                    hold(now)
+            except StepFailed as error:
+                if status == "converged":
+                    status = "diverged"
+                    message = f"After communication step {len(now.steps)}, at {exchange.time:g} s: {error}."
+                break
     finally:
         exchange.abandon()
     return MarchResult(status, message, exchange.time, now.x, now.steps, exchange.evaluations, dict(exchange.seconds))

@@ -2,23 +2,27 @@
 
 import csv
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from interface import StepFailed
+from interface.variables import allowed, first_outside
 from master.coupling.acceleration import Scheme
 from master.coupling.exchange import Connection, Exchange, Order
 from master.coupling.fixed_point import FixedPointResult
 from master.coupling.march import GOOD, March, MarchResult, Steps, march
 from master.coupling.participants import Participant
+from master.coupling.participants.blocks import Limits
 from master.coupling.schemes import SCHEMES, scheme
 
 # The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
 FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
+ROUNDING = 1e-9  # part of a time by which it may miss that of a row of inputs
 # Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
 # makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
 # mislead.
@@ -37,12 +41,14 @@ Begun = Callable[[Exchange, Scheme | None], March]
 @dataclass(frozen=True, eq=False)
 class Inputs:
     """Columns of a table over `times` (k,) s: name of a block of either side -> values (k,), linear between the rows
-    and held outside. A communication step gets the values at its end, to which tapes move in the course of it.
+    (switches and whole numbers: as in the row before) and held outside. A communication step gets the values at its
+    end, to which tapes move in the course of it. `rows` (k,) are numbers of lines in the file, for messages.
     """
 
     path: str
     times: np.ndarray
     columns: dict[str, np.ndarray]
+    rows: Sequence[int] = ()
 
     @classmethod
     def read(cls, path: Path) -> "Inputs":
@@ -72,11 +78,14 @@ class Inputs:
             raise ValueError(f"{path} row {rows[back[0] + 2][0]}: time does not increase; sort the rows by time.")
         if len(set(header)) < len(header):
             raise ValueError(f"{path} row 1 names a column twice; drop one.")
-        return cls(str(path), table[:, 0], {name: table[:, k] for k, name in enumerate(header) if k > 0})
+        columns = {name: table[:, k] for k, name in enumerate(header) if k > 0}
+        return cls(str(path), table[:, 0], columns, [n for n, _ in rows[1:]])
 
     def require(self, participants: Mapping[str, Participant]) -> None:
-        """ValueError in one sentence for a column that is no scalar parameter or input of either side."""
-        for name in self.columns:
+        """ValueError in one sentence for a column that is no scalar parameter or input of either side, and for a value
+        that one of them does not take, whenever it would come.
+        """
+        for name, values in self.columns.items():
             owners = [p for p in participants.values() if p.causality.get(name) in ("parameter", "input")]
             if not owners:
                 known = sorted({b for p in participants.values() for b, c in p.causality.items()
@@ -84,14 +93,37 @@ class Inputs:
                 raise ValueError(f"{self.path} row 1: there is no '{name}'; there are: {', '.join(known)}.")
             if owners[0].blocks[name] != ():
                 raise ValueError(f"{self.path} row 1: {name} is no single value; leave it out.")
+            for limits in (p.limits[name] for p in owners if hasattr(p, "limits")):
+                self._require_values(name, values, limits)
+
+    def _require_values(self, name: str, values: np.ndarray, limits: Limits) -> None:
+        if limits.variability == "fixed":
+            raise ValueError(
+                f"{self.path} row 1: {name} is fixed once a run has begun, so it is no column of inputs; set it at the "
+                "start."
+            )
+        low, high = (None if b is None else float(b) for b in (limits.minimum, limits.maximum))
+        k, wanted = first_outside(values, low, high), allowed(low, high)
+        if k is None and limits.kind != "real":
+            wrong = values != np.round(values)
+            wrong |= (limits.kind == "boolean") & (np.abs(values - 0.5) > 0.5)
+            k = int(np.argmax(wrong)) if wrong.any() else None
+            wanted = "0 or 1" if limits.kind == "boolean" else "a whole number"
+        if k is not None:
+            row = f" row {self.rows[k]}" if len(self.rows) else ""
+            raise ValueError(f"{self.path}{row}: {name} at {self.times[k]:g} s must be {wanted}, not {values[k]:g}.")
 
     def apply(self, participants: Mapping[str, Participant], time: float) -> None:
         """Set all columns to their values at a time s."""
+        row = max(0, int(np.searchsorted(self.times, time + ROUNDING * max(1.0, abs(time)), "right")) - 1)
         for name, values in self.columns.items():
-            value = np.array(float(np.interp(time, self.times, values)))
+            # between the values of two rows whatever the rounding, so that none is out of bounds
+            linear = np.clip(np.interp(time, self.times, values), values.min(), values.max())
             for participant in participants.values():
                 if participant.causality.get(name) in ("parameter", "input"):
-                    participant.set(name, value)
+                    limits = getattr(participant, "limits", {}).get(name)
+                    whole = limits is not None and limits.kind != "real"
+                    participant.set(name, np.array(float(values[row] if whole else linear)))
 
 
 @dataclass(eq=False)
@@ -186,10 +218,14 @@ def simulate(
     def accepted(time: float, found: FixedPointResult) -> None:
         run.time = time
         run.evaluations = exchange.evaluations
-        if inputs is not None:
-            inputs.apply(run.participants, exchange.end)
-        if follower is not None:
-            follower(time, run)
+        try:
+            if inputs is not None:
+                inputs.apply(run.participants, exchange.end)
+        except ValueError as error:  # what only the participant can judge
+            raise StepFailed(f"inputs for {exchange.end:g} s: {str(error).rstrip('.')}") from error
+        finally:
+            if follower is not None:
+                follower(time, run)
 
     def held(march: March) -> None:
         run.steps = march.steps

@@ -125,15 +125,44 @@ def test_inputs_over_time_reach_both_sides(tmp_path):
         ("when,wind_speed\n0,1\n", ["time,NAME"]),
         ("", ["time,NAME"]),
         ("time,wind_direction\n0,1\n", ["no single value"]),
+        ("time,wind_speed\n0,6\n\n30,-1\n", ["row 4: wind_speed at 30 s must be between 0.001 and 340, not -1."]),
+        ("time,spectral_radius\n0,0\n0.7,1.5\n", ["row 3: spectral_radius at 0.7 s must be between 0 and 1, not 1.5."]),
+        ("time,symmetric\n0,0\n0.7,0.5\n", ["row 3: symmetric at 0.7 s must be 0 or 1, not 0.5."]),
+        ("time,start_in_equilibrium\n0,1\n", ["row 1: start_in_equilibrium is fixed once a run has begun"]),
     ],
 )
-def test_inputs_that_cannot_be_are_one_sentence_and_nothing_is_written(text, words, tmp_path):
+@pytest.mark.parametrize("backend", ["in-process", "fmu"])
+def test_inputs_that_cannot_be_are_one_sentence_and_nothing_is_written(backend, text, words, tmp_path):
     table, out = tmp_path / "inputs.csv", tmp_path / "out"
     table.write_text(text)
-    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--inputs", table, "--out", out)
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", backend, "--inputs", table, "--out", out)
     assert result.exit_code == 2
     assert all(word in result.output for word in words), result.output
     assert not list(out.glob("*.json"))
+
+
+@pytest.mark.parametrize("backend", ["in-process", "fmu"])
+def test_between_rows_numbers_are_linear_and_switches_as_in_the_row_before(backend, tmp_path):
+    table = tmp_path / "inputs.csv"
+    table.write_text("time,symmetric,spectral_radius\n0,1,0.1\n0.6,0,0.7\n")
+    inputs = Inputs.read(table)
+    with opened(load("tether_in_wind"), backend, {}, tmp_path) as sides:
+        inputs.require(sides)
+        for time, switch, number in ((0.0, 1, 0.1), (0.3, 1, 0.4), (0.1 + 0.2 + 0.3, 0, 0.7), (9.0, 0, 0.7)):
+            inputs.apply(sides, time)
+            assert float(sides["structural"].get("symmetric")) == switch
+            assert float(sides["structural"].get("spectral_radius")) == pytest.approx(number, abs=1e-12)  # rounding
+
+
+def test_a_value_that_only_the_solver_can_judge_ends_the_run_with_a_status(tmp_path):
+    table, out = tmp_path / "inputs.csv", tmp_path / "out"
+    table.write_text("time,gust_duration\n0,5\n0.5,5\n0.6,0\n")
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--inputs", table, "--out", out)
+    assert result.exit_code == 1
+    content = json.loads((out / "summary.json").read_text())
+    assert content["status"] == "diverged"
+    assert content["message"].endswith("at 0.5 s: inputs for 0.6 s: gust_duration must be above zero.")
+    assert len((out / "history.csv").read_text().splitlines()) == 2 + 5  # header, start, steps
 
 
 @pytest.mark.parametrize(
