@@ -300,7 +300,11 @@ def _finish(command: Any) -> None:
     except KeyboardInterrupt:
         typer.echo("kitecosim: interrupted; a run with --checkpoint continues with --restart.", err=True)
         raise typer.Exit(130) from None
-    except RuntimeError as error:  # an FMU that ended with fmi2Fatal
+    except (RuntimeError, ArithmeticError) as error:  # an FMU that ended with fmi2Fatal, a solver that gave up
+        from interface import StepFailed
+
+        if isinstance(error, ArithmeticError) and not isinstance(error, StepFailed):
+            raise
         typer.echo(f"kitecosim: {error}", err=True)
         raise typer.Exit(1) from None
     if code:

@@ -61,6 +61,7 @@ def run_scene(
 
     motion = {key: value for key, value in (motion or {}).items() if value is not None}
     begin = time.perf_counter()
+    files.require_writable()
     built, kept = assigned, list[str]()
     if files.restart is not None:
         asked = restart.Asked(choices, choices.keys() if chosen is None else chosen, motion, assigned)
@@ -97,7 +98,7 @@ def _run_quasi_static(job: Job, live: bool, begin: float) -> int:
         run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=writer, **options)
         if run.status in ("converged", "statically_unstable"):
             writer.end(run.result)
-    run.remarks.extend(remarks + _hints(scene, given, run))
+    run.remarks.extend(remarks + writer.remarks + _hints(scene, given, run))
     _write(job, run, ready - begin)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 

@@ -12,7 +12,7 @@ import numpy as np
 from master.coupling import checkpoint
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
-from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.checkpoint import NO_FILES, Files, Keeper
 from master.coupling.equilibrium import CoupledResult, Coupling
 from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
@@ -42,8 +42,9 @@ class Job:
 
     def clear(self, names: Iterable[str]) -> None:
         """Remove files of these names, and FMUs that this run has not built: what stands in the folder is never of an
-        earlier run. Called when all input is known to be good.
+        earlier run, and neither is the checkpoint. Called when all input is known to be good.
         """
+        self.files.begin()
         for name in names:
             (self.out / name).unlink(missing_ok=True)
         for side in ("structural", "aero") if self.choices["backend"] == "in-process" else ():
@@ -153,35 +154,54 @@ class CheckpointWriter:
     def __init__(
         self, path: Path | None, every: int, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any]
     ) -> None:
-        self._path, self._every, self._about = path, every, about
+        self._keeper, self._about = Keeper(Files(path, every)), about
         self._coupling, self._scheme = coupling, scheme
+
+    @property
+    def remarks(self) -> list[str]:
+        """What went wrong."""
+        return self._keeper.remarks
 
     def __call__(self, search: Search, snapshot: StateSnapshot) -> None:
         """Before a coupling iteration."""
-        if self._path is not None and len(search.history) % self._every == 0:
-            about = {**self._about, "coupling_iterations": len(search.history), "status": "under way"}
-            checkpoint.write(self._path, about, checkpoint.dump_search(self._coupling, self._scheme, search, snapshot))
+        count = len(search.history)
+        about = {**self._about, "coupling_iterations": count, "status": "under way"}
+        self._keeper.keep(
+            count, f"before coupling iteration {count + 1}", about,
+            lambda: checkpoint.dump_search(self._coupling, self._scheme, search, snapshot),
+        )  # fmt: skip
 
     def end(self, result: CoupledResult) -> None:
         """After a solve that converged: another wind or tolerance may begin from here."""
-        if self._path is not None:
-            about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
-            ended = Search(self._about["order"], self._coupling.present(self._about["order"]), history=result.history)
-            checkpoint.write(self._path, about, checkpoint.dump_search(self._coupling, self._scheme, ended, None))
+
+        def content() -> dict[str, Any]:
+            order = self._about["order"]
+            ended = Search(order, self._coupling.present(order), history=result.history)
+            return checkpoint.dump_search(self._coupling, self._scheme, ended, None)
+
+        about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
+        self._keeper.keep(result.iterations, "at the end", about, content, last=True)
 
 
 class StepCheckpointWriter:
     """Writes the checkpoints of a transient run: every so many communication steps, and at its end."""
 
     def __init__(self, files: Files, stop_time: float, about: Mapping[str, Any]) -> None:
-        self._files, self._stop, self._about = files, stop_time, about
+        self._keeper, self._stop, self._about = Keeper(files), stop_time, about
+
+    @property
+    def remarks(self) -> list[str]:
+        """What went wrong."""
+        return self._keeper.remarks
 
     def __call__(self, exchange: Exchange, scheme: Scheme | None, march: March) -> None:
         """After a communication step."""
         last = exchange.time > self._stop - 0.5 * exchange.dt
-        if self._files.checkpoint is not None and (last or len(march.steps) % self._files.every == 0):
-            about = {**self._about, "time": exchange.time, "steps": len(march.steps)}
-            checkpoint.write(self._files.checkpoint, about, checkpoint.dump_march(exchange, scheme, march))
+        about = {**self._about, "time": exchange.time, "steps": len(march.steps)}
+        self._keeper.keep(
+            len(march.steps), f"at {exchange.time:g} s", about,
+            lambda: checkpoint.dump_march(exchange, scheme, march), last,
+        )  # fmt: skip
 
 
 # What may change without ending the loop under way: it only says how long to continue and what to do afterwards.

@@ -71,7 +71,7 @@ def run_transient(
                 table, follow, writer, None if job.files.restart is None else resumed,
                 **scheme_parameters(choices),
             )  # fmt: skip
-            blocks = run.blocks
+            blocks, remarks = run.blocks, remarks + writer.remarks
         seconds = {"set_up": ready - begin, "total": time.perf_counter() - ready}
     settings = {k: choices[k] for k in ("scheme", "order", "backend", "tolerance", "max_iterations")}
     settings |= {"stop_time": stop, "communication_step": dt}

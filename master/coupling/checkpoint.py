@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,8 +44,54 @@ class Files:
                 f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
             )
 
+    def require_writable(self) -> None:
+        """ValueError in one sentence where no checkpoint can be written."""
+        if self.checkpoint is not None:
+            try:
+                with _part(self.checkpoint) as part:
+                    part.write_bytes(b"")
+            except OSError as error:
+                raise ValueError(_unwritable(self.checkpoint, error)) from None
+
+    def begin(self) -> None:
+        """Remove the checkpoint of an earlier run, so that none is taken for one of the run that begins; that which it
+        continues from stays.
+        """
+        if self.checkpoint is not None and not (
+            self.restart is not None and self.checkpoint.exists() and self.checkpoint.samefile(self.restart)
+        ):
+            self.checkpoint.unlink(missing_ok=True)
+
 
 NO_FILES = Files()
+
+
+class Keeper:
+    """Writes the checkpoints of a run. One that cannot be written is a remark, once, and the run goes on without it."""
+
+    def __init__(self, files: Files) -> None:
+        self._files = files
+        self.remarks: list[str] = []
+
+    def keep(
+        self, number: int, when: str, about: Mapping[str, Any], content: Callable[[], Mapping[str, Any]],
+        last: bool = False,
+    ) -> None:  # fmt: skip
+        """Write a checkpoint after so many iterations or steps, if it is time for one or this is the `last`; `when`
+        says where the run is.
+        """
+        path = self._files.checkpoint
+        if path is None or not (last or number % self._files.every == 0):
+            return
+        try:
+            write(path, about, content())
+        except Exception as error:  # whatever it is, results are worth more than a checkpoint
+            if not self.remarks:
+                reason = f"{type(error).__name__}: {error}" if not isinstance(error, _TOLD) else str(error)
+                self.remarks.append(f"no checkpoint {when}: {reason.rstrip('.')}; the run went on without it")
+
+
+_TOLD = (ValueError, RuntimeError, StepFailed)  # say in a sentence what is wrong
 
 
 def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]) -> None:
@@ -58,12 +104,24 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
     except (pickle.PicklingError, TypeError, AttributeError) as error:
         raise ValueError(f"checkpoint {path} cannot be written: {str(error).rstrip('.')}.") from error
     head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
+    try:
+        with _part(path) as part:
+            part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
+            os.replace(part, path)
+    except OSError as error:
+        raise ValueError(_unwritable(path, error)) from None
+
+
+def _unwritable(path: Path, error: OSError) -> str:
+    return f"checkpoint {path} cannot be written ({(error.strerror or str(error)).lower()})."
+
+
+@contextlib.contextmanager
+def _part(path: Path) -> Iterator[Path]:
+    """Where a file is written before it gets its name; what is left there goes at the end."""
     part = path.with_name(path.name + ".part")
     try:
-        part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
-        os.replace(part, path)
-    except OSError as error:
-        raise ValueError(f"checkpoint {path} cannot be written ({(error.strerror or str(error)).lower()}).") from None
+        yield part
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)

@@ -171,8 +171,9 @@ def march(
     step from the states at its beginning, from a `predictor` of what is sent back; tolerances are those of
     `fixed_point`. A step that does not converge is tried once more, without extrapolation and with the scheme
     restarted. If that fails too the run ends (`strict`), or it continues with what was reached and its status says so.
-    `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs; a StepFailed
-    of theirs ends the run with its status. `begun` from a checkpoint continues there.
+    `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs (once where
+    no step is left to make); a StepFailed of theirs ends the run with its status. `begun` from a checkpoint continues
+    there.
 
     ValueError in one sentence where a participant with a memory cannot restore its state and the scheme is implicit.
     """
@@ -198,6 +199,8 @@ def march(
             status, message = earlier, f"Communication step {k + 1}, to {now.steps.times[k]:g} s, did not converge."
             break
     try:
+        if count == 0 and hold is not None:
+            hold(now)
         for _ in range(count):
             try:
                 exchange.open(order)

@@ -25,6 +25,7 @@ def couple_file(path: Path, out: Path | None = None, report: bool = True, files:
     left = document.unconnected()
     more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
     notes = [f"note: inputs without a source keep their start values: {', '.join(left[:SHOWN])}{more}"] if left else []
+    notes += [f"note: {remark}" for remark in result.remarks]
     events = list(result.steps.messages)
     notes += [f"note: step {number}, {sentence}" for number, sentence in events[:SHOWN]]
     notes += [f"note: {len(events) - SHOWN} more such notes are in summary.json"] if len(events) > SHOWN else []

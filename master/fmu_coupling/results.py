@@ -1,7 +1,7 @@
 """What `kitecosim couple` leaves behind: rows while it runs, and tables, a plot and a summary at its end."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
@@ -33,7 +33,8 @@ class CoupleResult:
 
     `status` and `message` as in `MarchResult`; `time` s is how far it came, `steps` what every communication step took
     (steady: every evaluation is one), `values` the recorded blocks at the end, `seconds` the wall time of each
-    participant, of all ("total") and of loading the FMUs ("set_up"), `logs` the last (status of FMI, sentence) of each.
+    participant, of all ("total") and of loading the FMUs ("set_up"), `logs` the last (status of FMI, sentence) of each,
+    `remarks` what else is worth a line.
     """
 
     status: str
@@ -44,6 +45,7 @@ class CoupleResult:
     values: dict[str, np.ndarray]
     seconds: dict[str, float]
     logs: dict[str, list[tuple[int, str]]]
+    remarks: list[str] = field(default_factory=list)
 
     @property
     def converged(self) -> bool:
@@ -163,6 +165,7 @@ def summary(document: Document, result: CoupleResult) -> dict[str, Any]:
         "recoveries": sum(steps.recoveries),
         "residual": steps.residuals[-1] if len(steps) else None,
         "messages": [{"step": number, "message": sentence} for number, sentence in steps.messages],
+        "remarks": result.remarks,
         "fmu_messages": {name: [text for _, text in log] for name, log in result.logs.items()},
         "wall_time_s": {
             "total": seconds["total"],

@@ -10,7 +10,7 @@ import numpy as np
 
 from interface import StepFailed
 from master.coupling import checkpoint
-from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.checkpoint import NO_FILES, Files, Keeper
 from master.coupling.exchange import Exchange
 from master.coupling.fixed_point import FixedPointResult
 from master.coupling.march import STATUSES, March, MarchResult, Steps, march
@@ -63,8 +63,9 @@ def couple(
         seconds = {"total": time.perf_counter() - begin, "set_up": ready - begin, **ended.seconds}
         logs = {name: list(p.fmu.messages) for name, p in exchange.participants.items()}  # type: ignore[attr-defined]
         result = CoupleResult(
-            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs
-        )
+            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs,
+            run.keeper.remarks,
+        )  # fmt: skip
         if recorder is not None:
             recorder.finish(result, report)
     return result
@@ -77,6 +78,7 @@ class Run:
         self, document: Document, exchange: Exchange, followers: list[Follower], files: Files = NO_FILES
     ) -> None:
         self.document, self.exchange, self.followers, self.files = document, exchange, followers, files
+        self.keeper = Keeper(files)
         self.values: dict[str, np.ndarray] = {}
         s = document.settings
         self.scheme = None if s.scheme == "explicit" else scheme(s.scheme, exchange, s.order, **s.parameters)
@@ -90,6 +92,7 @@ class Run:
 
     def _check_checkpoints(self) -> None:
         """ValueError in one sentence where a run cannot be written to a checkpoint."""
+        self.files.require_writable()
         if self.document.settings.mode == "steady":
             raise ValueError("checkpoints are of transient runs; a steady run is one fixed point.")
         for name in self.exchange.without_rollback():
@@ -140,14 +143,17 @@ class Run:
             )
 
     def _hold(self, now: March) -> None:
-        last = self.exchange.time > self.document.settings.stop - 0.5 * self.exchange.dt
-        if self.files.checkpoint is not None and (last or len(now.steps) % self.files.every == 0):
-            about: dict[str, Any] = {"document": self.document.file, "models": self._models()}
-            about |= {"time": self.exchange.time, "steps": len(now.steps)}
-            checkpoint.write(self.files.checkpoint, about, checkpoint.dump_march(self.exchange, self.scheme, now))
+        exchange, count = self.exchange, len(now.steps)
+        last = exchange.time > self.document.settings.stop - 0.5 * exchange.dt
+        about: dict[str, Any] = {"document": self.document.file, "models": self._models()}
+        about |= {"time": exchange.time, "steps": count}
+        self.keeper.keep(
+            count, f"at {exchange.time:g} s", about, lambda: checkpoint.dump_march(exchange, self.scheme, now), last
+        )
 
     def ended(self) -> MarchResult:
         """The run to its end."""
+        self.files.begin()
         self._tell(np.nan)
         s = self.document.settings
         return self._steady() if s.mode == "steady" else self._transient()
