@@ -3,7 +3,7 @@
 import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from master.coupling.schemes import SCHEMES, scheme
 # The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
 FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
+PREDICTOR = "linear"
 ROUNDING = 1e-9  # part of a time by which it may miss that of a row of inputs
 # Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
 # makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
@@ -206,14 +207,15 @@ def simulate(
     if scheme_name != "explicit" and FLOW in run.participants:
         used = _scheme(scheme_name, exchange, order, parameters)
     now = None if begun is None else begun(exchange, used)
-    if now is not None:
-        run.steps = now.steps
     run.time = run.start = exchange.time
+    run.steps = Steps() if now is None else now.steps
     _begin(run, scheme_name, now is None)
     if inputs is not None:
         inputs.apply(run.participants, exchange.end)
     if follower is not None:
         follower(exchange.time, run)
+    if now is None:
+        now = replace(March.beginning(exchange, order, PREDICTOR), steps=run.steps)
 
     def accepted(time: float, found: FixedPointResult) -> None:
         run.time = time
@@ -228,14 +230,13 @@ def simulate(
                 follower(time, run)
 
     def held(march: March) -> None:
-        run.steps = march.steps
         if hold is not None:
             hold(exchange, used, march)
 
     explicit = scheme_name == "explicit"
     result: MarchResult = march(
         exchange, used, stop_time, order, atol=1.0 if explicit else tolerances(exchange, order, tolerance), rtol=0.0,
-        max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
+        predictor=PREDICTOR, max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
     )  # fmt: skip
     run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
     run.evaluations, run.seconds = result.evaluations, result.seconds

@@ -99,6 +99,11 @@ def test_a_run_leaves_its_history_summary_and_plots(tmp_path):
     assert content["real_time_factor"] > 0.0
     rows = list(csv.DictReader((tmp_path / "history.csv").read_text().splitlines()))
     assert [float(r["time_s"]) for r in rows] == pytest.approx(np.linspace(0.0, 1.0, 11).tolist())
+    assert [r["status"] for r in rows] == ["start"] + ["converged"] * 10
+    assert int(rows[0]["evaluations"]) == 0
+    assert sum(int(r["evaluations"]) for r in rows) == content["evaluations"]
+    assert rows[0]["residual"] == ""
+    assert all(0.0 < float(r["residual"]) < 1e-3 for r in rows[1:])  # tolerances: 1e-5 m and 1e-4 m/s
     assert float(rows[-1]["kinetic_energy"]) == content["outputs"]["structural.kinetic_energy"]
     assert {"motion.png", "shapes.svg", "structure.vtu", "nodes.csv"} <= {p.name for p in tmp_path.iterdir()}
     assert "x real time" in result.output
@@ -316,3 +321,24 @@ def test_a_step_that_cannot_be_solved_ends_the_run_with_what_was_reached(tmp_pat
     assert 0.5 <= content["time"] < 1.0
     rows = (out / "history.csv").read_text().splitlines()
     assert len(rows) == 2 + round(content["time"] / 0.1)  # header, start, and the steps
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_followers_know_the_step_that_they_follow(restarted):
+    begun, told = None, []
+    sides = {side: InProcessParticipant(core) for side, core in load("tether_in_wind").cores().items()}
+    if restarted:
+        kept = []
+        simulate(sides, 0.2, 0.1, hold=lambda exchange, scheme, march: kept.append((exchange.clock, march)))
+
+        def begun(exchange, scheme):
+            exchange.clock = kept[-1][0]
+            return kept[-1][1]
+
+    def follower(time, run):
+        told.append((round(time, 9), len(run.steps), run.steps.times[-1] if run.steps else None))
+
+    run = simulate(sides, 0.4, 0.1, follower=follower, begun=begun)
+    assert run.finished
+    whole = [(0.0, 0, None), *((round(t, 9), k + 1, t) for k, t in enumerate(run.steps.times))]
+    assert told == whole[2 if restarted else 0 :]
