@@ -3,6 +3,7 @@
 import contextlib
 import shlex
 import sys
+import tempfile
 import time
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -73,20 +74,24 @@ def run_scene(
         raise ValueError(f"{option} is for transient scenes; scene '{name}' is quasi-static.")
     out = out or Path("results") / scene.name
     results_folder(out)
-    job = Job(scene, given, choices, out, files, assigned, kept)
-    if scene.moves:
-        from master.transient import run_transient
+    with tempfile.TemporaryDirectory(prefix="kitecosim_") as built_in:
+        job = Job(scene, given, choices, out, Path(built_in), files, assigned, kept)
+        if scene.moves:
+            from master.transient import run_transient
 
-        return run_transient(job, opened(scene, choices["backend"], given, out), live, **motion)
-    return _run_quasi_static(job, live, begin)
+            return run_transient(job, opened(scene, choices["backend"], given, job.built_in), live, **motion)
+        return _run_quasi_static(job, live, begin)
 
 
 def _run_quasi_static(job: Job, live: bool, begin: float) -> int:
     """Run a quasi-static scene; the exit code."""
-    scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
+    scene, given, choices, files = job.scene, job.given, job.choices, job.files
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
-    with pair(scene, choices["backend"], given, out) as coupling, progress(choices["tolerance"], live) as shown:
+    with (
+        pair(scene, choices["backend"], given, job.built_in) as coupling,
+        progress(choices["tolerance"], live) as shown,
+    ):
         ready = time.perf_counter()
         used = _scheme(choices, coupling)
         remarks: list[str] = []
@@ -292,7 +297,9 @@ def _number(key: str, text: str, variable: Any) -> Any:
 
 @contextlib.contextmanager
 def opened(scene: Any, backend: str, parameters: dict[str, Any], out: Path) -> Iterator[dict[str, Participant]]:
-    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end."""
+    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end. FMUs are
+    built in the folder `out`/fmus.
+    """
     with contextlib.ExitStack() as stack:
         if backend == "fmu":
             from fmus.builder import build

@@ -18,18 +18,21 @@ from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.steady import Search
+from master.report.tables import write_whole
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, the
-    checkpoints, the texts `assigned` on the command line, and what a restart has `kept` besides.
+    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, one
+    that FMUs are `built_in` until all input is known to be good, the checkpoints, the texts `assigned` on the command
+    line, and what a restart has `kept` besides.
     """
 
     scene: Any
     given: dict[str, Any]
     choices: dict[str, Any]
     out: Path
+    built_in: Path
     files: Files = NO_FILES
     assigned: dict[str, str] = field(default_factory=dict)
     kept: list[str] = field(default_factory=list)
@@ -41,14 +44,20 @@ class Job:
         return {**scene, "parameters": _plain(self.given), **self.choices}
 
     def clear(self, names: Iterable[str]) -> None:
-        """Remove files of these names, and FMUs that this run has not built: what stands in the folder is never of an
+        """Remove files of these names, and let the FMUs be those of this run: what stands in the folder is never of an
         earlier run, and neither is the checkpoint. Called when all input is known to be good.
         """
+        built, folder = sorted(self.built_in.glob("fmus/*.fmu")), self.out / "fmus"
+        if built:
+            folder.mkdir(exist_ok=True)
+        for path in built:
+            write_whole(folder / path.name, path.read_bytes())
+        for side in ("structural", "aero"):
+            if f"{self.scene.name}_{side}.fmu" not in [path.name for path in built]:
+                (folder / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
         self.files.begin()
         for name in names:
             (self.out / name).unlink(missing_ok=True)
-        for side in ("structural", "aero") if self.choices["backend"] == "in-process" else ():
-            (self.out / "fmus" / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
 
     @property
     def remembered(self) -> list[str]:

@@ -170,3 +170,21 @@ def test_what_a_run_cannot_make_a_record_of_is_one_sentence(error, monkeypatch):
     monkeypatch.setattr("master.commands.run_scene", fail)
     result = cli("run", "typical_section")
     assert (result.exit_code, result.output) == (1, "kitecosim: the flow gave up\n")
+
+
+@pytest.mark.parametrize("scene", ["typical_section", "tether_in_wind"])
+def test_bad_input_leaves_the_fmus_of_the_run_before_with_its_results(scene, tmp_path):
+    out, words = tmp_path / "out", ["run", scene, "--no-report", "--out", tmp_path / "out"]
+    words += [] if scene == "typical_section" else ["--stop-time", 0.2]
+    assert cli(*words, "--checkpoint", tmp_path / "a.ckp").exit_code == 0
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    assert len(list((out / "fmus").iterdir())) == 2
+    (tmp_path / "b.ckp").write_bytes((tmp_path / "a.ckp").read_bytes()[:-9])
+    for bad in ("b.ckp", "missing.ckp"):
+        result = cli(*words, "--set", "wind_speed=7", "--restart", tmp_path / bad)
+        assert result.exit_code == 2
+        assert before == {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    assert cli(*words, "--set", "wind_speed=7").exit_code == 0
+    assert all(p.read_bytes() != before[p] for p in (out / "fmus").glob("*_aero.fmu"))
+    assert cli(*words, "--backend", "in-process").exit_code == 0
+    assert not list((out / "fmus").iterdir())
