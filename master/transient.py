@@ -121,7 +121,9 @@ def _write(
     merged = {**blocks["structural"], **blocks.get("aero", {})}
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
     merged = nothing_on(scene.interface) | merged
-    written = ["summary.json", "history.csv", *write_state(out, merged, labels, scene.interface, None)]
+    written = ["summary.json", "history.csv"]
+    if all(blocks.values()):  # else a participant has ended, and what it had is not known
+        written += write_state(out, merged, labels, scene.interface, None)
     write_json(out / "summary.json", content | {"remarks": remarks})
     lacking = ""
     if job.choices["report"]:

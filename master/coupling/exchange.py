@@ -229,7 +229,7 @@ class Exchange:
         except Exception as error:
             plain = isinstance(error, StepFailed | ValueError | RuntimeError) and str(error)
             reason = str(error).rstrip(".") if plain else f"{type(error).__name__}: {error}".rstrip(".: ")
-            raise StepFailed(f"{self.described(name)} {failed}: {reason}") from error
+            raise StepFailed(f"{self.described(name)} {failed}: {' '.join(reason.split())}") from error
         finally:
             self.seconds[name] += time.perf_counter() - start
 

@@ -1,5 +1,6 @@
 """A transient scene: the two participants coupled in time by what they have in common, and inputs over time."""
 
+import contextlib
 import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -150,8 +151,12 @@ class Simulation:
 
     @property
     def blocks(self) -> dict[str, dict[str, np.ndarray]]:
-        """Side -> block -> present values."""
-        return {side: {block: p.get(block) for block in p.blocks} for side, p in self.participants.items()}
+        """Side -> block -> present values; none of a participant that has ended."""
+        found: dict[str, dict[str, np.ndarray]] = {side: {} for side in self.participants}
+        for side, p in self.participants.items():
+            with contextlib.suppress(ValueError, RuntimeError):
+                found[side] = {block: p.get(block) for block in p.blocks}
+        return found
 
 
 def exchange_of(participants: Mapping[str, Participant], step: float) -> Exchange:

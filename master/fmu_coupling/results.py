@@ -107,7 +107,7 @@ class Recorder:
         self.written = list(RESULTS[:3])
         if report and find_spec("matplotlib") is None:
             self.remark = NO_PLOT
-        elif report:
+        elif report and result.values:  # none where not even the start could be recorded
             from master.report.figures import rendered
 
             title = f"{Path(self.document.file).stem}, {result.status.replace('_', ' ')}"

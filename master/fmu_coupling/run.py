@@ -154,9 +154,20 @@ class Run:
     def ended(self) -> MarchResult:
         """The run to its end."""
         self.files.begin()
-        self._tell(np.nan)
+        try:
+            self._tell(np.nan)
+        except StepFailed as error:  # of what is recorded
+            return self._broken_off(f"The run cannot begin: {error}.")
         s = self.document.settings
         return self._steady() if s.mode == "steady" else self._transient()
+
+    def _broken_off(self, message: str) -> MarchResult:
+        """The end of a run that no driver has ended."""
+        exchange, steps = self.exchange, self.now.steps
+        if len(steps):
+            steps.codes[-1] = STATUSES.index("diverged")
+        seconds = dict(exchange.seconds)
+        return MarchResult("diverged", message, exchange.time, self.now.x, steps, exchange.evaluations, seconds)
 
     def _transient(self) -> MarchResult:
         s = self.document.settings
@@ -183,13 +194,12 @@ class Run:
         used = scheme(s.scheme, exchange, s.order, **s.parameters)
         try:
             ended = steady(exchange, used, _Evaluations(self), s.order, s.max_iterations, s.recoveries)
-        except StepFailed as error:  # a participant that could not save its state
-            status, message = "diverged", f"The run cannot continue: {error}"
-        else:
-            self.now.x, status, message = ended.found.x_tilde, ended.status, ended.message
-            _judge(steps, ended.found)
+        except StepFailed as error:  # a participant that could not save its state, or give what is recorded
+            return self._broken_off(f"The run cannot continue: {error}.")
+        self.now.x = ended.found.x_tilde
+        _judge(steps, ended.found)
         return MarchResult(
-            status, message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
+            ended.status, ended.message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
         )
 
     def evaluated(self, residual: float) -> None:
@@ -203,8 +213,11 @@ class Run:
         self._tell(float(residual))
 
     def _tell(self, residual: float) -> None:
-        participants = self.exchange.participants
-        self.values = {f"{name}.{block}": participants[name].get(block) for name, block in self.document.record}
+        values = {}
+        for name, block in self.document.record:
+            with self.exchange.booked(name, f"could not give {block}"):
+                values[f"{name}.{block}"] = self.exchange.participants[name].get(block)
+        self.values = values
         for follower in self.followers:
             follower(self.number, self.exchange.time, residual, self.values)
 

@@ -12,7 +12,7 @@ from benchmarks.particle_kite import flown as kite_flown
 from master import compare
 from master.cli import app
 from master.commands import opened
-from master.coupling import InProcessParticipant, simulate
+from master.coupling import FmuParticipant, InProcessParticipant, simulate
 from master.coupling.simulation import Inputs
 from scenes import load
 
@@ -342,3 +342,26 @@ def test_followers_know_the_step_that_they_follow(restarted):
     assert run.finished
     whole = [(0.0, 0, None), *((round(t, 9), k + 1, t) for k, t in enumerate(run.steps.times))]
     assert told == whole[2 if restarted else 0 :]
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+def test_an_fmu_that_ends_for_good_leaves_the_results_up_to_there(scheme, tmp_path, monkeypatch):
+    step = FmuParticipant.step
+
+    def failing(self, t, dt):
+        if t > 0.25 and "structural" in self.name:
+            self._fmu, self._end = None, "ended with fmi2Fatal: no reason logged"
+            raise RuntimeError(f"{self.name} {self._end}")
+        step(self, t, dt)
+
+    monkeypatch.setattr(FmuParticipant, "step", failing)
+    result = _cli("tether_in_wind", "--stop-time", 1, "--scheme", scheme, "--out", tmp_path)
+    assert result.exit_code == 1, result.output
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["status"] == "diverged"
+    assert "tether_in_wind_structural.fmu ended with fmi2Fatal" in content["message"]
+    assert content["time"] == pytest.approx(0.3, abs=1e-12)
+    assert "aero.present_wind_speed" in content["outputs"]
+    assert len((tmp_path / "history.csv").read_text().splitlines()) == 2 + 3  # header, start, steps
+    assert (tmp_path / "motion.png").exists()
+    assert not (tmp_path / "nodes.csv").exists()  # where they are is not known
