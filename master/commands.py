@@ -13,6 +13,7 @@ import numpy as np
 
 from master import restart
 from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.convergence import required_count, required_number
 from master.coupling.equilibrium import Coupling
 from master.coupling.exchange import ORDERS
 from master.coupling.participants import FmuParticipant, InProcessParticipant, Participant
@@ -242,13 +243,11 @@ def _checked(choices: dict[str, Any]) -> None:
     if SCHEMES[choices["scheme"]].exact and choices["backend"] == "fmu":
         raise ValueError(f"--scheme {choices['scheme']} takes directional derivatives; add --backend in-process.")
     for key in ("tolerance", "force_tolerance"):
-        if not (np.isfinite(choices[key]) and choices[key] > 0.0):
-            raise ValueError(f"--{key.replace('_', '-')} must be a number above zero, not {choices[key]}.")
-    if choices["max_iterations"] < 1:
-        raise ValueError(f"--max-iterations must be at least 1, not {choices['max_iterations']}.")
+        required_number(f"--{key.replace('_', '-')}", choices[key])
+    required_count("--max-iterations", choices["max_iterations"])
     factor = choices["relaxation"]
-    if factor is not None and not (np.isfinite(factor) and factor > 0.0):
-        raise ValueError(f"--relaxation must be a number above zero, not {factor}.")
+    if factor is not None:
+        required_number("--relaxation", factor)
     if factor is not None and not SCHEMES[choices["scheme"]].relaxation:
         raise ValueError(f"--relaxation does not go with the {choices['scheme']} scheme; use --scheme relaxation.")
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from master.coupling import checkpoint
 from master.coupling.acceleration import Scheme
+from master.coupling.convergence import required_number
 from master.coupling.exchange import Exchange
 from master.coupling.march import March
 from master.coupling.participants import Participant
@@ -92,11 +93,8 @@ def scheme_parameters(choices: dict[str, Any]) -> dict[str, Any]:
 def transient_times(scene: Any, stop_time: float | None, step: float | None, begun: float = 0.0) -> tuple[float, float]:
     """Stop time and communication step s, the scene's own where they are None, of a run that begins at `begun` s."""
     dynamics = scene.dynamics
-    stop = float(dynamics.stop_time if stop_time is None else stop_time)
-    dt = float(dynamics.communication_step if step is None else step)
-    for name, value in (("--stop-time", stop), ("--step", dt)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be a number of seconds above zero, not {value:g}.")
+    stop = required_number("--stop-time", dynamics.stop_time if stop_time is None else stop_time)
+    dt = required_number("--step", dynamics.communication_step if step is None else step)
     count = round((stop - begun) / dt)
     if count < 0:
         raise ValueError(f"--stop-time {stop:g} s lies before the {begun:g} s of the checkpoint; take a later one.")

@@ -17,6 +17,7 @@ from typing import Any
 from interface import StepFailed
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
+from master.coupling.convergence import required_count
 from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
 from master.coupling.steady import Search
@@ -35,8 +36,10 @@ class Files:
     restart: Path | None = None
 
     def __post_init__(self) -> None:
-        if self.every < 1:
-            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
+        for name in ("checkpoint", "restart"):
+            if not isinstance(getattr(self, name), Path | None):
+                raise ValueError(f"{name} must be a pathlib.Path, not {getattr(self, name)!r}.")
+        required_count("--checkpoint-every", self.every)
         if self.checkpoint is not None and self.checkpoint.is_dir():
             raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
         if self.checkpoint is not None and not self.checkpoint.parent.is_dir():

@@ -13,6 +13,7 @@ import numpy as np
 from interface import StepFailed
 from interface.variables import allowed, first_outside
 from master.coupling.acceleration import Scheme
+from master.coupling.convergence import required_count, required_number
 from master.coupling.exchange import Connection, Exchange, Order
 from master.coupling.fixed_point import FixedPointResult
 from master.coupling.march import GOOD, March, MarchResult, Steps, march
@@ -205,12 +206,14 @@ def simulate(
     the participants of a run, and gives what it continues from. ValueError in one sentence for bad input; a step that
     cannot be solved ends the run with its status.
     """
+    _require(participants, stop_time, step, tolerance, max_iterations)
     run = Simulation({side: participants[side] for side in (FLOW, STRUCTURE) if side in participants})
     if inputs is not None:
         inputs.require(run.participants)
-    exchange, used = exchange_of(run.participants, step), None
-    if scheme_name != "explicit" and FLOW in run.participants:
-        used = _scheme(scheme_name, exchange, order, parameters)
+    exchange = exchange_of(run.participants, step)
+    exchange.fields(order)
+    made = _scheme(scheme_name, exchange, order, parameters)
+    used = made if scheme_name != "explicit" and FLOW in run.participants else None
     now = None if begun is None else begun(exchange, used)
     run.time = run.start = exchange.time
     run.steps = Steps() if now is None else now.steps
@@ -246,6 +249,21 @@ def simulate(
     run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
     run.evaluations, run.seconds = result.evaluations, result.seconds
     return run
+
+
+def _require(
+    participants: Mapping[str, Participant], stop_time: float, step: float, tolerance: float, max_iterations: int
+) -> None:
+    """ValueError in one sentence for participants, times or tolerances that make no sense."""
+    known = f'"{STRUCTURE}", and "{FLOW}" where there is a flow'
+    if STRUCTURE not in participants:
+        raise ValueError(f"there is no participant '{STRUCTURE}'; simulate takes {known}.")
+    if unknown := [side for side in participants if side not in (STRUCTURE, FLOW)]:
+        raise ValueError(f"there is no place for a participant '{unknown[0]}'; simulate takes {known}.")
+    required_number("stop_time", stop_time, least=0.0)
+    required_number("step", step)
+    required_number("tolerance", tolerance)
+    required_count("max_iterations", max_iterations)
 
 
 def _scheme(name: str, exchange: Exchange, order: Order, parameters: dict[str, Any]) -> Scheme:

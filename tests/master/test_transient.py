@@ -174,7 +174,7 @@ def test_a_value_that_only_the_solver_can_judge_ends_the_run_with_a_status(tmp_p
     ("words", "said"),
     [
         (["v3_kite", "--stop-time", "1"], "--stop-time is for transient scenes"),
-        (["tether_in_wind", "--step", "0"], "--step must be a number of seconds above zero"),
+        (["tether_in_wind", "--step", "0"], "--step must be a number above zero, not 0.0"),
         (["tether_in_wind", "--step", "0.3", "--stop-time", "1"], "no whole number of communication steps"),
         (
             ["tether_in_wind", "--scheme", "newton-krylov", "--backend", "in-process"],
