@@ -116,6 +116,9 @@ class Run:
 
     def _restarted(self, path: Path) -> March:
         """Where a run continues from a checkpoint; ValueError in one sentence if that is of something else."""
+        scene = checkpoint.head(path).get("scene")
+        if scene is not None:
+            raise ValueError(f"checkpoint {path} is of `kitecosim run {scene}`; continue it with that command.")
         about, content = checkpoint.read(path)
         if about.get("models", self._models()) != self._models():
             raise ValueError(
