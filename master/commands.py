@@ -35,6 +35,7 @@ from master.report import (
 )
 from master.report.console import EXIT_CONVERGED, EXIT_NOT_CONVERGED
 from master.report.live import progress
+from master.report.record import clear_leftovers
 from master.restart import Job
 
 BACKENDS = ("fmu", "in-process")
@@ -210,6 +211,7 @@ def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = Fals
     if folders := [n for n in names if (out / n).is_dir()]:
         raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
     try:
+        clear_leftovers(out, names)
         paths = build(scene, out, given, fmi=fmi)
         for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
             print(path)

@@ -18,6 +18,7 @@ from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.steady import Search
+from master.report.record import clear_leftovers
 from master.report.tables import write_whole
 
 
@@ -43,19 +44,21 @@ class Job:
         scene = {"scene": self.scene.name, "scene_settings": self.scene.settings, "scene_files": digest(self.scene)}
         return {**scene, "parameters": _plain(self.given), **self.choices}
 
-    def clear(self, names: Iterable[str]) -> None:
+    def clear(self, names: Collection[str]) -> None:
         """Remove files of these names, and let the FMUs be those of this run: what stands in the folder is never of an
         earlier run, and neither is the checkpoint. Called when all input is known to be good.
         """
         built, folder = sorted(self.built_in.glob("fmus/*.fmu")), self.out / "fmus"
         if built:
             folder.mkdir(exist_ok=True)
+        clear_leftovers(folder, [f"{self.scene.name}_{side}.fmu" for side in ("structural", "aero")])
         for path in built:
             write_whole(folder / path.name, path.read_bytes())
         for side in ("structural", "aero"):
             if f"{self.scene.name}_{side}.fmu" not in [path.name for path in built]:
                 (folder / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
         self.files.begin()
+        clear_leftovers(self.out, list(names))
         for name in names:
             (self.out / name).unlink(missing_ok=True)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from master.coupling.march import Steps
 from master.fmu_coupling.document import Document
-from master.report.record import POINTS, Curve, Rows
+from master.report.record import POINTS, Curve, Rows, clear_leftovers
 from master.report.tables import versions, write_json, write_whole
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ class Recorder:
     def _begun(self) -> Rows:
         """The rows; with the first one what an earlier run left goes, as all input is known to be good then."""
         if self._rows is None:
+            clear_leftovers(self.folder, RESULTS)
             for name in RESULTS:
                 (self.folder / name).unlink(missing_ok=True)
             self._rows = Rows(self.folder / "results.csv", self._header)

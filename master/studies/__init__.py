@@ -12,7 +12,7 @@ from master.coupling.convergence import required_count
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.schemes import SCHEMES
 from master.report.tables import plain
-from master.studies.files import Store
+from master.studies.files import Store, begin
 from master.studies.flat import flat_rows
 from master.studies.grid import grid
 from master.studies.pool import rows
@@ -92,6 +92,7 @@ def compare(
     if out is not None:
         results_folder(Path(out))
         store = Store(Path(out))
+        begin(Path(out))
     found = {} if store is None or recompute or fresh else store.finished(cells)
     if progress is not None:
         progress(len(found), len(cells), None)
