@@ -32,6 +32,7 @@ SetOption = Annotated[
 
 @app.command(short_help="Couple structure and flow of SCENE, to equilibrium or in time.")
 def run(
+    ctx: typer.Context,
     scene: SceneArgument,
     scheme: Annotated[
         str, typer.Option(help="explicit, relaxation, aitken, iqn-ils, iqn-imvj or newton-krylov (in-process only).")
@@ -63,7 +64,8 @@ def run(
         Path | None,
         typer.Option(
             help="Continue from this checkpoint, one of your own. Scene, its settings, fixed parameters and backend "
-            "stay; scheme, tolerances and tunable parameters may be others. What is not given is as in the checkpoint."
+            "stay; scheme, tolerances and tunable parameters may be others. Of the options that say how to "
+            "solve, those that are not given are as in the checkpoint."
         ),
     ] = None,
     stop_time: Annotated[float | None, typer.Option(help="Transient cases: end of the run in s.")] = None,
@@ -106,6 +108,7 @@ def run(
             Files(checkpoint, checkpoint_every, restart),
             live,
             {"stop_time": stop_time, "step": step, "inputs": inputs},
+            {name for name in choices if ctx.get_parameter_source(name).name != "DEFAULT"},  # type: ignore[union-attr]
         )
     )
 
@@ -297,7 +300,11 @@ def _finish(command: Any) -> None:
     except KeyboardInterrupt:
         typer.echo("kitecosim: interrupted; a run with --checkpoint continues with --restart.", err=True)
         raise typer.Exit(130) from None
-    except RuntimeError as error:  # an FMU that ended with fmi2Fatal
+    except (RuntimeError, ArithmeticError) as error:  # an FMU that ended with fmi2Fatal, a solver that gave up
+        from interface import StepFailed
+
+        if isinstance(error, ArithmeticError) and not isinstance(error, StepFailed):
+            raise
         typer.echo(f"kitecosim: {error}", err=True)
         raise typer.Exit(1) from None
     if code:

@@ -3,8 +3,9 @@
 import contextlib
 import shlex
 import sys
+import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from master import restart
 from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.convergence import required_count, required_number
 from master.coupling.equilibrium import Coupling
 from master.coupling.exchange import ORDERS
 from master.coupling.participants import FmuParticipant, InProcessParticipant, Participant
@@ -33,6 +35,7 @@ from master.report import (
 )
 from master.report.console import EXIT_CONVERGED, EXIT_NOT_CONVERGED
 from master.report.live import progress
+from master.report.record import clear_leftovers
 from master.restart import Job
 
 BACKENDS = ("fmu", "in-process")
@@ -50,40 +53,47 @@ def run_scene(
     files: Files = NO_FILES,
     live: bool = False,
     motion: dict[str, Any] | None = None,
+    chosen: Collection[str] | None = None,
 ) -> int:
     """Run a scene, print its table, write its files; the exit code.
 
-    `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself.
+    `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself. `chosen` are
+    the names of the `choices` that a restart does not take from its checkpoint, None: all.
     """
     import scenes
 
     motion = {key: value for key, value in (motion or {}).items() if value is not None}
-    _checked(choices)
-    built, kept = assigned, []
+    files.require_writable()
+    built, kept = assigned, list[str]()
     if files.restart is not None:
-        built = restart.remembered(files.restart, scenes.name_of(name), choices["backend"], assigned)
-        kept = [f"{key} = {built[key]}" for key in built if key not in assigned and key != "trim_angle"]
+        asked = restart.Asked(choices, choices.keys() if chosen is None else chosen, motion, assigned)
+        choices, motion, built, kept = asked.remembered(files.restart, scenes.load(name))
+    _checked(choices)
     scene, given, cores = prepared(name, built)
     if motion and not scene.moves:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
         raise ValueError(f"{option} is for transient scenes; scene '{name}' is quasi-static.")
     out = out or Path("results") / scene.name
     results_folder(out)
-    job = Job(scene, given, choices, out, files, assigned, kept)
-    if scene.moves:
-        from master.transient import run_transient
+    with tempfile.TemporaryDirectory(prefix="kitecosim_") as built_in:
+        job = Job(scene, given, choices, out, Path(built_in), files, assigned, kept)
+        if scene.moves:
+            from master.transient import run_transient
 
-        return run_transient(job, opened(scene, choices["backend"], given, out, cores), live, **motion)
-    return _run_quasi_static(job, cores, live)
+            return run_transient(job, opened(scene, choices["backend"], given, job.built_in, cores), live, **motion)
+        return _run_quasi_static(job, cores, live)
 
 
 def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
     """Run a quasi-static scene; the exit code."""
-    scene, given, choices, out, files = job.scene, job.given, job.choices, job.out, job.files
+    scene, given, choices, files = job.scene, job.given, job.choices, job.files
     options = {k: choices[k] for k in ("force_tolerance", "max_iterations")} | {"atol": choices["tolerance"]}
     options |= {"tie_tolerance": "solver_tolerance" not in given, "order": choices["order"]}
     begin = time.perf_counter()
-    with pair(scene, choices["backend"], given, out, cores) as coupling, progress(choices["tolerance"], live) as shown:
+    with (
+        pair(scene, choices["backend"], given, job.built_in, cores) as coupling,
+        progress(choices["tolerance"], live) as shown,
+    ):
         ready = time.perf_counter()
         used = _scheme(choices, coupling)
         remarks: list[str] = []
@@ -95,7 +105,7 @@ def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
         run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=writer, **options)
         if run.status in ("converged", "statically_unstable"):
             writer.end(run.result)
-    run.remarks.extend(remarks + _hints(scene, given, run))
+    run.remarks.extend(remarks + writer.remarks + _hints(scene, given, run))
     _write(job, run, ready - begin, cores)
     return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
 
@@ -201,6 +211,7 @@ def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = Fals
     if folders := [n for n in names if (out / n).is_dir()]:
         raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
     try:
+        clear_leftovers(out, names)
         paths = build(scene, out, given, fmi=fmi, cores=cores)
         for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
             print(path)
@@ -234,13 +245,11 @@ def _checked(choices: dict[str, Any]) -> None:
     if SCHEMES[choices["scheme"]].exact and choices["backend"] == "fmu":
         raise ValueError(f"--scheme {choices['scheme']} takes directional derivatives; add --backend in-process.")
     for key in ("tolerance", "force_tolerance"):
-        if not (np.isfinite(choices[key]) and choices[key] > 0.0):
-            raise ValueError(f"--{key.replace('_', '-')} must be a number above zero, not {choices[key]}.")
-    if choices["max_iterations"] < 1:
-        raise ValueError(f"--max-iterations must be at least 1, not {choices['max_iterations']}.")
+        required_number(f"--{key.replace('_', '-')}", choices[key])
+    required_count("--max-iterations", choices["max_iterations"])
     factor = choices["relaxation"]
-    if factor is not None and not (np.isfinite(factor) and factor > 0.0):
-        raise ValueError(f"--relaxation must be a number above zero, not {factor}.")
+    if factor is not None:
+        required_number("--relaxation", factor)
     if factor is not None and not SCHEMES[choices["scheme"]].relaxation:
         raise ValueError(f"--relaxation does not go with the {choices['scheme']} scheme; use --scheme relaxation.")
 
@@ -294,7 +303,8 @@ def _number(key: str, text: str, variable: Any) -> Any:
 def opened(
     scene: Any, backend: str, parameters: dict[str, Any], out: Path, cores: Mapping[str, Any] | None = None
 ) -> Iterator[dict[str, Participant]]:
-    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end.
+    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end. FMUs are
+    built in the folder `out`/fmus.
 
     `cores` of the scene (side -> core), where there are some, become the participants or make their FMUs.
     """

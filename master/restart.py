@@ -1,7 +1,8 @@
 """Checkpoint and restart of runs of scenes: what is written when, and what a restart may change."""
 
+import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,24 +12,28 @@ import numpy as np
 from master.coupling import checkpoint
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
-from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.checkpoint import NO_FILES, Files, Keeper
 from master.coupling.equilibrium import CoupledResult, Coupling
 from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.steady import Search
+from master.report.record import clear_leftovers
+from master.report.tables import write_whole
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, the
-    checkpoints, the texts `assigned` on the command line, and what a restart has `kept` besides.
+    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, one
+    that FMUs are `built_in` until all input is known to be good, the checkpoints, the texts `assigned` on the command
+    line, and what a restart has `kept` besides.
     """
 
     scene: Any
     given: dict[str, Any]
     choices: dict[str, Any]
     out: Path
+    built_in: Path
     files: Files = NO_FILES
     assigned: dict[str, str] = field(default_factory=dict)
     kept: list[str] = field(default_factory=list)
@@ -36,17 +41,26 @@ class Job:
     @property
     def about(self) -> dict[str, Any]:
         """What a checkpoint says of the run."""
-        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
+        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings, "scene_files": digest(self.scene)}
         return {**scene, "parameters": _plain(self.given), **self.choices}
 
-    def clear(self, names: Iterable[str]) -> None:
-        """Remove files of these names, and FMUs that this run has not built: what stands in the folder is never of an
-        earlier run. Called when all input is known to be good.
+    def clear(self, names: Collection[str]) -> None:
+        """Remove files of these names, and let the FMUs be those of this run: what stands in the folder is never of an
+        earlier run, and neither is the checkpoint. Called when all input is known to be good.
         """
+        built, folder = sorted(self.built_in.glob("fmus/*.fmu")), self.out / "fmus"
+        if built:
+            folder.mkdir(exist_ok=True)
+        clear_leftovers(folder, [f"{self.scene.name}_{side}.fmu" for side in ("structural", "aero")])
+        for path in built:
+            write_whole(folder / path.name, path.read_bytes())
+        for side in ("structural", "aero"):
+            if f"{self.scene.name}_{side}.fmu" not in [path.name for path in built]:
+                (folder / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
+        self.files.begin()
+        clear_leftovers(self.out, list(names))
         for name in names:
             (self.out / name).unlink(missing_ok=True)
-        for side in ("structural", "aero") if self.choices["backend"] == "in-process" else ():
-            (self.out / "fmus" / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
 
     @property
     def remembered(self) -> list[str]:
@@ -54,22 +68,89 @@ class Job:
         return [f"as in the checkpoint: {', '.join(self.kept)}"] if self.kept else []
 
 
+def digest(scene: Any) -> str:
+    """What stands for the contents of the files that a scene is made of."""
+    total = hashlib.sha256()
+    for name in sorted(set(scene.files)):
+        content = (scene.folder / name).read_bytes()
+        total.update(f"{name}\n{len(content)}\n".encode() + content)
+    return total.hexdigest()[:16]
+
+
 def _plain(given: dict[str, Any]) -> dict[str, Any]:
     """Parameters as numbers and lists, to be compared and written."""
     return {name: np.asarray(value, dtype=float).tolist() for name, value in given.items()}
 
 
-def remembered(path: Path, scene: str, backend: str, assigned: Mapping[str, str]) -> dict[str, str]:
-    """Settings and parameters with which to build the participants of a restart, as texts: those of the checkpoint,
-    and the `assigned` ones before them.
+MOTION = {"stop_time": "stop_time", "step": "communication_step"}  # option -> what a checkpoint calls it
 
-    ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit.
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the command line asks of a restart: `choices`, of which those `chosen` were given, and as far as they were
+    given `motion` (stop_time, step, inputs) and `assigned` settings and parameters, as texts.
     """
+
+    choices: Mapping[str, Any]
+    chosen: Collection[str]
+    motion: Mapping[str, Any]
+    assigned: Mapping[str, str]
+
+    def remembered(self, path: Path, scene: Any) -> tuple[dict[str, Any], dict[str, Any], dict[str, str], list[str]]:
+        """Choices, motion, and settings and parameters with which to build the participants, where what was not given
+        is as in a checkpoint; and what that is, in words, where it is not as without one.
+
+        ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit, and for one
+        with inputs that are no longer there.
+        """
+        about = head(path)
+        same = {key: about[key] for key in self.choices if key in about and key not in self.chosen}
+        if {**self.choices, **same}["scheme"] != about.get("scheme"):
+            same.pop("relaxation", None)  # it was that of another scheme
+        choices = {**self.choices, **same}
+        _require_same(path, about, scene=scene.name, backend=choices["backend"])
+        motion = {option: about[key] for option, key in MOTION.items() if scene.moves and key in about}
+        if scene.moves and about.get("inputs") is not None and "inputs" not in self.motion:
+            motion["inputs"] = _inputs(path, about["inputs"])
+        texts = {name: str(value) for name, value in about["scene_settings"].items()}
+        texts |= {name: assignment_text(value) for name, value in about["parameters"].items()}
+        kept = [f"{name} = {text}" for name, text in texts.items() if name not in (*self.assigned, "trim_angle")]
+        kept += [f"{name} = {value}" for name, value in same.items() if value != self.choices[name]]
+        usual = {"stop_time": scene.dynamics.stop_time, "step": scene.communication_step} if scene.moves else {}
+        other = [name for name in motion if name not in self.motion and motion[name] != usual.get(name)]
+        kept += [f"{name} = {motion[name]}" for name in other]
+        return choices, {**motion, **self.motion}, {**texts, **self.assigned}, kept
+
+
+def head(path: Path) -> dict[str, Any]:
+    """What a checkpoint of a run of a scene is about; ValueError in one sentence for one of something else."""
     about = checkpoint.head(path)
-    _require_same(path, about, scene=scene, backend=backend)
-    kept = {name: str(value) for name, value in about["scene_settings"].items()}
-    kept |= {name: assignment_text(value) for name, value in about["parameters"].items()}
-    return {**kept, **assigned}
+    if "models" in about:
+        raise ValueError(
+            f"checkpoint {path} is of `kitecosim couple {about.get('document', '')}`; continue it with that command."
+        )
+    if missing := [key for key in ("scene", "scene_settings", "parameters") if key not in about]:
+        raise ValueError(f"checkpoint {path} does not say of which {missing[0]} it is; name one of `kitecosim run`.")
+    return about
+
+
+def inputs_file(path: Path) -> dict[str, str]:
+    """What a checkpoint says of a table of inputs: where it is, and its SHA-256."""
+    return {"path": str(path.resolve()), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def _inputs(path: Path, kept: Mapping[str, str]) -> Path:
+    """The table of inputs that a checkpoint was written with; ValueError in one sentence if it is another one now."""
+    table, why = Path(kept["path"]), ""
+    try:
+        why = "" if inputs_file(table)["sha256"] == kept["sha256"] else "has changed since"
+    except OSError as error:
+        why = f"cannot be read ({(error.strerror or str(error)).lower()})"
+    if why:
+        raise ValueError(
+            f"checkpoint {path} was written with --inputs {table}, which {why}; name a table with --inputs."
+        )
+    return table
 
 
 def _require_same(path: Path, was: Mapping[str, Any], **now: str) -> None:
@@ -85,35 +166,54 @@ class CheckpointWriter:
     def __init__(
         self, path: Path | None, every: int, coupling: Coupling, scheme: Scheme, about: Mapping[str, Any]
     ) -> None:
-        self._path, self._every, self._about = path, every, about
+        self._keeper, self._about = Keeper(Files(path, every)), about
         self._coupling, self._scheme = coupling, scheme
+
+    @property
+    def remarks(self) -> list[str]:
+        """What went wrong."""
+        return self._keeper.remarks
 
     def __call__(self, search: Search, snapshot: StateSnapshot) -> None:
         """Before a coupling iteration."""
-        if self._path is not None and len(search.history) % self._every == 0:
-            about = {**self._about, "coupling_iterations": len(search.history), "status": "under way"}
-            checkpoint.write(self._path, about, checkpoint.dump_search(self._coupling, self._scheme, search, snapshot))
+        count = len(search.history)
+        about = {**self._about, "coupling_iterations": count, "status": "under way"}
+        self._keeper.keep(
+            count, f"before coupling iteration {count + 1}", about,
+            lambda: checkpoint.dump_search(self._coupling, self._scheme, search, snapshot),
+        )  # fmt: skip
 
     def end(self, result: CoupledResult) -> None:
         """After a solve that converged: another wind or tolerance may begin from here."""
-        if self._path is not None:
-            about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
-            ended = Search(self._about["order"], self._coupling.present(self._about["order"]), history=result.history)
-            checkpoint.write(self._path, about, checkpoint.dump_search(self._coupling, self._scheme, ended, None))
+
+        def content() -> dict[str, Any]:
+            order = self._about["order"]
+            ended = Search(order, self._coupling.present(order), history=result.history)
+            return checkpoint.dump_search(self._coupling, self._scheme, ended, None)
+
+        about = {**self._about, "coupling_iterations": result.iterations, "status": result.status}
+        self._keeper.keep(result.iterations, "at the end", about, content, last=True)
 
 
 class StepCheckpointWriter:
     """Writes the checkpoints of a transient run: every so many communication steps, and at its end."""
 
     def __init__(self, files: Files, stop_time: float, about: Mapping[str, Any]) -> None:
-        self._files, self._stop, self._about = files, stop_time, about
+        self._keeper, self._stop, self._about = Keeper(files), stop_time, about
+
+    @property
+    def remarks(self) -> list[str]:
+        """What went wrong."""
+        return self._keeper.remarks
 
     def __call__(self, exchange: Exchange, scheme: Scheme | None, march: March) -> None:
         """After a communication step."""
         last = exchange.time > self._stop - 0.5 * exchange.dt
-        if self._files.checkpoint is not None and (last or len(march.steps) % self._files.every == 0):
-            about = {**self._about, "time": exchange.time, "steps": len(march.steps)}
-            checkpoint.write(self._files.checkpoint, about, checkpoint.dump_march(exchange, scheme, march))
+        about = {**self._about, "time": exchange.time, "steps": len(march.steps)}
+        self._keeper.keep(
+            len(march.steps), f"at {exchange.time:g} s", about,
+            lambda: checkpoint.dump_march(exchange, scheme, march), last,
+        )  # fmt: skip
 
 
 # What may change without ending the loop under way: it only says how long to continue and what to do afterwards.
@@ -138,6 +238,26 @@ def _changed(
         if name in exchange.fixed():
             raise ValueError(f"{name} is fixed once a run has begun; leave it out in a restart.")
     return given
+
+
+def _others(was: Mapping[str, Any], now: Mapping[str, Any], keys: Iterable[str]) -> list[str]:
+    """Which of the keys are others than in a checkpoint."""
+
+    def value(about: Mapping[str, Any], key: str) -> Any:
+        found = about.get(key)
+        return found["sha256"] if key == "inputs" and found is not None else found
+
+    return [k for k in keys if value(now, k) != value(was, k) and (k != "scene_files" or k in was)]
+
+
+def _difference(key: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """What is another in a restart, in words."""
+    if key == "scene_files":
+        return "with other tables of the scene than then"
+    if key == "inputs":
+        old, new = ("none" if about.get(key) is None else about[key]["path"] for about in (was, now))
+        return f"inputs {old} -> {new}" if old != new else f"inputs {new}, which has changed"
+    return f"{key} {was.get(key)} -> {now[key]}"
 
 
 def _give(exchange: Exchange, now: Mapping[str, Any], names: list[str]) -> None:
@@ -165,10 +285,9 @@ def resumed_march(
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     _give(exchange, now, given)
-    changed = [k for k in ("scheme", "tolerance", "communication_step") if now.get(k) != was.get(k)]
+    changed = _others(was, now, ("scene_files", "scheme", "relaxation", "tolerance", "communication_step", "inputs"))
     remark = f"restarted from {path.name} at {was['time']:g} s"
-    for key in changed:
-        remark += f", {key} {was.get(key)} -> {now[key]}"
+    remark += "".join(f", {_difference(key, was, now)}" for key in changed)
     for name in given:
         remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
     return begun, remark
@@ -193,15 +312,14 @@ def resumed(
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
-    changed = [k for k in now if k not in (*HARMLESS, "parameters") and now[k] != was.get(k)]
+    changed = _others(was, now, [k for k in now if k not in (*HARMLESS, "parameters")])
     remark = f"restarted from {path.name} after {was['coupling_iterations']} coupling iterations"
     if not changed and not given and search.loop is not None:
         return search, [remark]
     if search.best is not None:
         coupling.free(search.best[0])
     _give(coupling, now, given)
-    for key in changed:
-        remark += f", {key} {was.get(key)} -> {now[key]}"
+    remark += "".join(f", {_difference(key, was, now)}" for key in changed)
     for name in given:
         remark += f", {name} {was['parameters'].get(name, 'as in the scene')} -> {now['parameters'][name]}"
     remark += "; coupling iterations are counted from 1 again"

@@ -12,17 +12,19 @@ import numpy as np
 
 from master.coupling import checkpoint
 from master.coupling.acceleration import Scheme
+from master.coupling.convergence import required_number
 from master.coupling.exchange import Exchange
-from master.coupling.march import March
+from master.coupling.march import MOST_STEPS, March
 from master.coupling.participants import Participant
 from master.coupling.schemes import SCHEMES
 from master.coupling.simulation import PARAMETERS, Inputs, Simulation, simulate
 from master.report import missing_libraries, print_written, versions, write_json, write_state
 from master.report.console import print_rows
-from master.report.transient import NO_PLOTS, RESULTS, Recorder, result_rows, summary, write_plots
-from master.restart import Job, StepCheckpointWriter, resumed_march
+from master.report.transient import NO_PLOTS, RESULTS, Recorder, nothing_on, result_rows, summary, write_plots
+from master.restart import Job, StepCheckpointWriter, inputs_file, resumed_march
 
 EXIT_FINISHED, EXIT_NOT_FINISHED = 0, 1
+MOST_SUBSTEPS = 1e6  # of the integration within a communication step; the solver refuses more
 
 
 def run_transient(
@@ -41,9 +43,10 @@ def run_transient(
     scene, choices, out = job.scene, job.choices, job.out
     _require(choices, live)
     begun = 0.0 if job.files.restart is None else float(checkpoint.head(job.files.restart).get("time", 0.0))
-    stop, dt = transient_times(scene, stop_time, step, begun)
+    stop, dt = transient_times(scene, stop_time, step, begun, job.given.get("longest_step"))
     table = None if inputs is None else Inputs.read(inputs)
     about = {**job.about, "stop_time": stop, "communication_step": dt}
+    about["inputs"] = None if inputs is None else inputs_file(inputs)
     remarks = list(job.remembered)
     begin = time.perf_counter()
     with participants as pair:
@@ -70,7 +73,7 @@ def run_transient(
                 table, follow, writer, None if job.files.restart is None else resumed,
                 **scheme_parameters(choices),
             )  # fmt: skip
-            blocks = run.blocks
+            blocks, remarks = run.blocks, remarks + writer.remarks
         seconds = {"set_up": ready - begin, "total": time.perf_counter() - ready}
     settings = {k: choices[k] for k in ("scheme", "order", "backend", "tolerance", "max_iterations")}
     settings |= {"stop_time": stop, "communication_step": dt}
@@ -88,14 +91,25 @@ def scheme_parameters(choices: dict[str, Any]) -> dict[str, Any]:
     return PARAMETERS.get(choices["scheme"], {}) | given
 
 
-def transient_times(scene: Any, stop_time: float | None, step: float | None, begun: float = 0.0) -> tuple[float, float]:
-    """Stop time and communication step s, the scene's own where they are None, of a run that begins at `begun` s."""
+def transient_times(
+    scene: Any, stop_time: float | None, step: float | None, begun: float = 0.0, longest: float | None = None
+) -> tuple[float, float]:
+    """Stop time and communication step s, the scene's own where they are None, of a run that begins at `begun` s and
+    integrates in steps of at most `longest` s.
+    """
     dynamics = scene.dynamics
-    stop = float(dynamics.stop_time if stop_time is None else stop_time)
-    dt = float(dynamics.communication_step if step is None else step)
-    for name, value in (("--stop-time", stop), ("--step", dt)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be a number of seconds above zero, not {value:g}.")
+    stop = required_number("--stop-time", dynamics.stop_time if stop_time is None else stop_time)
+    dt = required_number("--step", dynamics.communication_step if step is None else step)
+    longest = float(dynamics.longest_step if longest is None else longest)
+    if dt > MOST_SUBSTEPS * longest:
+        raise ValueError(
+            f"--step {dt:g} s takes more than {MOST_SUBSTEPS:g} steps of the integration, which are of {longest:g} s "
+            "at most (longest_step); take a shorter one."
+        )
+    if not (stop - begun) / dt < MOST_STEPS:
+        raise ValueError(
+            f"--stop-time {stop:g} s takes more than {MOST_STEPS:g} communication steps of {dt:g} s; change one."
+        )
     count = round((stop - begun) / dt)
     if count < 0:
         raise ValueError(f"--stop-time {stop:g} s lies before the {begun:g} s of the checkpoint; take a later one.")
@@ -119,8 +133,10 @@ def _write(
     scene, out = job.scene, job.out
     merged = {**blocks["structural"], **blocks.get("aero", {})}
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
-    merged.setdefault("pressure", np.zeros(len(scene.interface.panels)))
-    written = ["summary.json", "history.csv", *write_state(out, merged, labels, scene.interface, None)]
+    merged = nothing_on(scene.interface) | merged
+    written = ["summary.json", "history.csv"]
+    if all(blocks.values()):  # else a participant has ended, and what it had is not known
+        written += write_state(out, merged, labels, scene.interface, None)
     write_json(out / "summary.json", content | {"remarks": remarks})
     lacking = ""
     if job.choices["report"]:

@@ -27,9 +27,9 @@ def reference_tables(
 
     A row of inputs holds from its time on, for a communication step; a row of results holds at its time, the first
     after the initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps
-    first, as in the explicit scheme. Without a flow the panels are pressed by 1, 2, 3 Pa and so on. Where a solver
-    cannot complete a step the tables end before it. Numbers are exact: the shortest that are read back to the same
-    bits. `cores` of the scene, where there are some, take the parameters and are as they were otherwise.
+    first, as in the explicit scheme. Without a flow the panels, if any, are pressed by 1, 2, 3 Pa and so on. Where a
+    solver cannot complete a step the tables end before it. Numbers are exact: the shortest that are read back to the
+    same bits. `cores` of the scene, where there are some, take the parameters and are as they were otherwise.
     """
     cores = dict(cores or scene.cores())
     for core in cores.values():
@@ -59,7 +59,7 @@ def _exchanged(scene: Scene, cores: Mapping[str, Any]) -> dict[str, tuple[str, s
                 _stepped(flow, k, dt, inputs["aero"], results["aero"])
                 for name in {v.name for v in flow.variables} & set(LOADS):
                     structure.set(name, flow.get(name))
-            else:
+            elif "pressure" in {v.name for v in structure.variables}:
                 structure.set("pressure", np.full_like(structure.get("pressure"), k + 1.0))
             _stepped(structure, k, dt, inputs["structural"], results["structural"])
     except StepFailed:

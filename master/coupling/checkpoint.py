@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from typing import Any
 from interface import StepFailed
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
+from master.coupling.convergence import required_count
 from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
 from master.coupling.steady import Search
@@ -35,8 +36,10 @@ class Files:
     restart: Path | None = None
 
     def __post_init__(self) -> None:
-        if self.every < 1:
-            raise ValueError(f"--checkpoint-every must be at least 1, not {self.every}.")
+        for name in ("checkpoint", "restart"):
+            if not isinstance(getattr(self, name), Path | None):
+                raise ValueError(f"{name} must be a pathlib.Path, not {getattr(self, name)!r}.")
+        required_count("--checkpoint-every", self.every)
         if self.checkpoint is not None and self.checkpoint.is_dir():
             raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
         if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
@@ -44,8 +47,54 @@ class Files:
                 f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
             )
 
+    def require_writable(self) -> None:
+        """ValueError in one sentence where no checkpoint can be written."""
+        if self.checkpoint is not None:
+            try:
+                with _part(self.checkpoint) as part:
+                    part.write_bytes(b"")
+            except OSError as error:
+                raise ValueError(_unwritable(self.checkpoint, error)) from None
+
+    def begin(self) -> None:
+        """Remove the checkpoint of an earlier run, so that none is taken for one of the run that begins; that which it
+        continues from stays.
+        """
+        if self.checkpoint is not None and not (
+            self.restart is not None and self.checkpoint.exists() and self.checkpoint.samefile(self.restart)
+        ):
+            self.checkpoint.unlink(missing_ok=True)
+
 
 NO_FILES = Files()
+
+
+class Keeper:
+    """Writes the checkpoints of a run. One that cannot be written is a remark, once, and the run goes on without it."""
+
+    def __init__(self, files: Files) -> None:
+        self._files = files
+        self.remarks: list[str] = []
+
+    def keep(
+        self, number: int, when: str, about: Mapping[str, Any], content: Callable[[], Mapping[str, Any]],
+        last: bool = False,
+    ) -> None:  # fmt: skip
+        """Write a checkpoint after so many iterations or steps, if it is time for one or this is the `last`; `when`
+        says where the run is.
+        """
+        path = self._files.checkpoint
+        if path is None or not (last or number % self._files.every == 0):
+            return
+        try:
+            write(path, about, content())
+        except Exception as error:  # whatever it is, results are worth more than a checkpoint
+            if not self.remarks:
+                reason = f"{type(error).__name__}: {error}" if not isinstance(error, _TOLD) else str(error)
+                self.remarks.append(f"no checkpoint {when}: {reason.rstrip('.')}; the run went on without it")
+
+
+_TOLD = (ValueError, RuntimeError, StepFailed)  # say in a sentence what is wrong
 
 
 def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]) -> None:
@@ -58,12 +107,24 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
     except (pickle.PicklingError, TypeError, AttributeError) as error:
         raise ValueError(f"checkpoint {path} cannot be written: {str(error).rstrip('.')}.") from error
     head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
+    try:
+        with _part(path) as part:
+            part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
+            os.replace(part, path)
+    except OSError as error:
+        raise ValueError(_unwritable(path, error)) from None
+
+
+def _unwritable(path: Path, error: OSError) -> str:
+    return f"checkpoint {path} cannot be written ({(error.strerror or str(error)).lower()})."
+
+
+@contextlib.contextmanager
+def _part(path: Path) -> Iterator[Path]:
+    """Where a file is written before it gets its name; what is left there goes at the end."""
     part = path.with_name(path.name + ".part")
     try:
-        part.write_bytes(MAGIC + json.dumps(head, default=str).encode() + b"\n" + data)
-        os.replace(part, path)
-    except OSError as error:
-        raise ValueError(f"checkpoint {path} cannot be written ({(error.strerror or str(error)).lower()}).") from None
+        yield part
     finally:
         with contextlib.suppress(OSError):
             part.unlink(missing_ok=True)
@@ -110,22 +171,30 @@ def serialised(exchange: Exchange, states: Mapping[str, Any]) -> dict[str, bytes
 
 
 def dump_participants(exchange: Exchange) -> dict[str, Any]:
-    """Clock, counters and serialised states of the participants as they are now."""
+    """Clock, counters, blocks and serialised states of the participants as they are now."""
     now = exchange.save()
     try:
         kept = serialised(exchange, now)
     finally:
         exchange.free(now)
-    return {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
+    found = {"clock": exchange.clock, "dt": exchange.dt, "evaluations": exchange.evaluations, "states": kept}
+    return found | {"blocks": {name: _blocks(exchange, name) for name in kept}}
+
+
+def _blocks(exchange: Exchange, name: str) -> dict[str, tuple[int, ...]]:
+    """Block -> shape of a participant; names that a user has given do not count."""
+    participant = exchange.participants[name]
+    return {block: tuple(shape) for block, shape in getattr(participant, "own_blocks", participant.blocks).items()}
 
 
 def load_participants(exchange: Exchange, kept: Mapping[str, Any]) -> None:
-    """Restore participants made alike from what `dump_participants` gave; ValueError in one sentence for others."""
+    """Restore participants made alike from what `dump_participants` gave; ValueError in one sentence for others, which
+    stay as they are.
+    """
     if missing := sorted(kept["states"].keys() ^ exchange.saving()):
         raise ValueError(f"the checkpoint is of other participants: they differ in {', '.join(missing)}.")
-    (begin, count), dt = kept["clock"], kept["dt"]
-    exchange.clock = (begin, count) if dt == exchange.dt else (begin + count * dt, 0)
-    exchange.evaluations = kept["evaluations"]
+    for name, blocks in kept.get("blocks", {}).items():
+        _require_blocks(name, blocks, _blocks(exchange, name))
     states: dict[str, Any] = {}
     try:
         for name, data in kept["states"].items():
@@ -135,6 +204,21 @@ def load_participants(exchange: Exchange, kept: Mapping[str, Any]) -> None:
         raise ValueError(f"the checkpoint does not fit: {error}.") from error
     finally:
         exchange.free(states)
+    (begin, count), dt = kept["clock"], kept["dt"]
+    exchange.clock = (begin, count) if dt == exchange.dt else (begin + count * dt, 0)
+    exchange.evaluations = kept["evaluations"]
+
+
+def _require_blocks(name: str, was: Mapping[str, tuple[int, ...]], here: Mapping[str, tuple[int, ...]]) -> None:
+    """ValueError in one sentence where the blocks of a participant are not those of the checkpoint."""
+    other = [block for block in {**was, **here} if was.get(block) != here.get(block)]
+    if other:
+        then, now = (f"shape {blocks[other[0]]}" if other[0] in blocks else "none" for blocks in (was, here))
+        more = f" ({len(other) - 1} more differ)" if len(other) > 1 else ""
+        raise ValueError(
+            f"the checkpoint does not fit, as the tables or settings it was written with were others: {other[0]} of "
+            f"{name} has {then} there and {now} here{more}; begin without it."
+        )
 
 
 def dump_search(coupling: Exchange, scheme: Scheme, search: Search, snapshot: StateSnapshot | None) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,24 @@ from master.coupling.acceleration import Field
 Tolerance = float | Mapping[str, float] | Sequence[float]
 
 ROUNDING = 8.0 * np.finfo(float).eps  # a residual below this fraction of x_tilde is zero in double precision
+
+
+def required_number(name: str, value: Any, least: float | None = None, infinite: bool = False) -> float:
+    """A finite number above zero (or at least `least`) as it is; ValueError in one sentence for anything else."""
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool | np.bool_)
+    fits = number and (value > 0.0 if least is None else value >= least) and (infinite or np.isfinite(value))
+    if not fits:
+        wanted = "above zero" if least is None else f"of at least {least:g}"
+        raise ValueError(f"{name} must be a number {wanted}, not {value!r}.")
+    return float(value)
+
+
+def required_count(name: str, value: Any, least: int = 1) -> int:
+    """A whole number of at least `least` as it is; ValueError in one sentence for anything else."""
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool | np.bool_)
+    if not (number and np.isfinite(value) and int(value) == value and value >= least):
+        raise ValueError(f"{name} must be a whole number of at least {least}, not {value!r}.")
+    return int(value)
 
 
 class ConvergenceMonitor:

@@ -9,7 +9,7 @@ import numpy as np
 
 from interface import StepFailed
 from master.coupling.acceleration import Scheme
-from master.coupling.convergence import Tolerance
+from master.coupling.convergence import Tolerance, required_count, required_number
 from master.coupling.exchange import Connection, CoupledStepFailed, Exchange, Order, StateSnapshot
 from master.coupling.fixed_point import FixedPointResult
 from master.coupling.participants import InProcessParticipant, Participant
@@ -241,9 +241,13 @@ def solve(
     `atol` is tightened. In `order` "parallel" both solvers step at once, and loads have to repeat within 1e-6 too.
     `tie_tolerance` and `progress` see `Equilibrium`, `search` and `hold` see `master.coupling.steady.steady`.
 
-    An evaluation that fails, for whatever reason, puts both solvers back to the best point and is tried again (see
+    ValueError in one sentence for tolerances, iterations or an order that make no sense. An evaluation that fails, for
+    whatever reason, puts both solvers back to the best point and is tried again (see
     `fixed_point`).
     """
+    required_number("atol", atol)
+    required_number("force_tolerance", force_tolerance, infinite=True)
+    required_count("max_iterations", max_iterations)
     goal = Equilibrium(coupling, order, atol, force_tolerance, tie_tolerance, progress)
     try:
         run = steady(coupling, scheme, goal, order, max_iterations, search=search, hold=hold)

@@ -147,18 +147,23 @@ class Exchange:
 
     def fields(self, order: Order = "serial") -> dict[str, slice]:
         """Name of each unknown, participant.block, -> its entries in x."""
-        return dict(self._fields[order])
+        return dict(self._of(order))
+
+    def _of(self, order: str) -> dict[str, slice]:
+        if order not in self._fields:
+            raise ValueError(f"there is no order '{order}'; choose one of: {', '.join(ORDERS)}.")
+        return self._fields[order]
 
     def present(self, order: Order = "serial") -> np.ndarray:
         """What the participants send back now, (unknowns,)."""
-        return self._collected(self._fields[order], {})
+        return self._collected(self._of(order), {})
 
     def evaluate(self, x: np.ndarray, order: Order = "serial") -> np.ndarray:
         """One communication step of all participants with x (unknowns,): what they send back then.
 
         StepFailed, with the participant and its reason, if one refuses or raises anything.
         """
-        fields = self._fields[order]
+        fields = self._of(order)
         self.evaluations += 1
         if self.rollback:
             self.rewind()
@@ -181,7 +186,7 @@ class Exchange:
 
         ValueError in one sentence for a participant that offers none.
         """
-        fields = self._fields[order]
+        fields = self._of(order)
         self.require_derivatives()
         sent: dict[str, np.ndarray] = {}
         for name, participant in self.participants.items():
@@ -229,7 +234,7 @@ class Exchange:
         except Exception as error:
             plain = isinstance(error, StepFailed | ValueError | RuntimeError) and str(error)
             reason = str(error).rstrip(".") if plain else f"{type(error).__name__}: {error}".rstrip(".: ")
-            raise StepFailed(f"{self.described(name)} {failed}: {reason}") from error
+            raise StepFailed(f"{self.described(name)} {failed}: {' '.join(reason.split())}") from error
         finally:
             self.seconds[name] += time.perf_counter() - start
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from master.coupling.acceleration import Field, Scheme
-from master.coupling.convergence import ConvergenceMonitor, Tolerance, norm, partition
+from master.coupling.convergence import ConvergenceMonitor, Tolerance, norm, partition, required_count
 from master.coupling.recovery import Anchor, Loop, Progress, Recovery
 
 Status = Literal["converged", "max_iterations", "diverged", "stalled"]
@@ -125,8 +125,7 @@ def fixed_point(
 
 
 def _require(max_iterations: int, growth_limit: float, stall_window: int, recoveries: int) -> None:
-    if isinstance(max_iterations, bool) or int(max_iterations) != max_iterations or max_iterations < 1:
-        raise ValueError(f"max_iterations must be a whole number >= 1, got {max_iterations}.")
+    required_count("max_iterations", max_iterations)
     if not growth_limit > 1.0 or stall_window < 0 or recoveries < 0:
         raise ValueError("growth_limit must be above 1, stall_window and recoveries not negative.")
 

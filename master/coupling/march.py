@@ -22,6 +22,7 @@ from master.coupling.recovery import Recovery
 STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled")
 GOOD = ("converged", "recovered")
 ANY = 1e300  # tolerance of the explicit scheme: one exchange is enough, whatever it leaves
+MOST_STEPS = 1e12  # of a run; beyond it a step is rounding of the time
 MESSAGES = 100  # sentences kept, so that a long run with many of them does not grow
 PREDICTORS = ("constant", "linear", "quadratic")
 
@@ -171,8 +172,9 @@ def march(
     step from the states at its beginning, from a `predictor` of what is sent back; tolerances are those of
     `fixed_point`. A step that does not converge is tried once more, without extrapolation and with the scheme
     restarted. If that fails too the run ends (`strict`), or it continues with what was reached and its status says so.
-    `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs; `begun` from
-    one continues there.
+    `callback(time, result)` follows every accepted step, `hold(march)` too, with what a checkpoint needs (once where
+    no step is left to make); a StepFailed of theirs ends the run with its status. `begun` from a checkpoint continues
+    there.
 
     ValueError in one sentence where a participant with a memory cannot restore its state and the scheme is implicit.
     """
@@ -180,16 +182,10 @@ def march(
         raise ValueError("the exchange advances in time with every evaluation; make it with rollback = True.")
     if scheme is not None:
         exchange.require_rollback()
-    if not (np.isfinite(stop_time) and stop_time >= exchange.time):
-        raise ValueError(f"the stop time {stop_time:g} s must not lie before the start, {exchange.time:g} s.")
+    count = _count(exchange, stop_time)
     now = begun or March.beginning(exchange, order, predictor)
     now.require_fields(exchange, order)
     now.use_predictor(predictor)
-    count = round((stop_time - exchange.time) / exchange.dt)
-    if abs(exchange.time + count * exchange.dt - stop_time) > 1e-6 * exchange.dt:
-        raise ValueError(
-            f"from {exchange.time:g} s to {stop_time:g} s is no whole number of steps of {exchange.dt:g} s."
-        )
     settings: dict[str, Any] = {"atol": atol, "rtol": rtol, "residual_rtol": residual_rtol}
     settings |= {"max_iterations": max_iterations, "fields": exchange.fields(order), "recoveries": recoveries}
     status, message = "converged", f"All {len(now.steps) + count} communication steps converged."
@@ -198,6 +194,8 @@ def march(
             status, message = earlier, f"Communication step {k + 1}, to {now.steps.times[k]:g} s, did not converge."
             break
     try:
+        if count == 0 and hold is not None:
+            hold(now)
         for _ in range(count):
             try:
                 exchange.open(order)
@@ -220,13 +218,32 @@ def march(
             now.x = found.x_tilde
             exchange.accept()
             now.predictor.add(exchange.time, now.x)
-            if callback is not None:
-                callback(exchange.time, found)
-            if hold is not None:
-                hold(now)
+            try:
+                if callback is not None:
+                    callback(exchange.time, found)
+                if hold is not None:
+                    hold(now)
+            except StepFailed as error:
+                if status == "converged":
+                    status = "diverged"
+                    message = f"After communication step {len(now.steps)}, at {exchange.time:g} s: {error}."
+                break
     finally:
         exchange.abandon()
     return MarchResult(status, message, exchange.time, now.x, now.steps, exchange.evaluations, dict(exchange.seconds))
+
+
+def _count(exchange: Exchange, stop_time: float) -> int:
+    """Steps to a stop time s; ValueError in one sentence if that does not suit."""
+    begin, dt = exchange.time, exchange.dt
+    if not (np.isfinite(stop_time) and stop_time >= begin):
+        raise ValueError(f"the stop time {stop_time:g} s must not lie before the start, {begin:g} s.")
+    if not (stop_time - begin) / dt < MOST_STEPS:
+        raise ValueError(f"to {stop_time:g} s there are more than {MOST_STEPS:g} steps of {dt:g} s; change one.")
+    count = round((stop_time - begin) / dt)
+    if abs(begin + count * dt - stop_time) > 1e-6 * dt:
+        raise ValueError(f"from {begin:g} s to {stop_time:g} s is no whole number of steps of {dt:g} s.")
+    return count
 
 
 def _implicit_step(

@@ -1,24 +1,31 @@
 """A transient scene: the two participants coupled in time by what they have in common, and inputs over time."""
 
+import contextlib
 import csv
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from interface import StepFailed
+from interface.variables import allowed, first_outside
 from master.coupling.acceleration import Scheme
+from master.coupling.convergence import required_count, required_number
 from master.coupling.exchange import Connection, Exchange, Order
 from master.coupling.fixed_point import FixedPointResult
 from master.coupling.march import GOOD, March, MarchResult, Steps, march
 from master.coupling.participants import Participant
+from master.coupling.participants.blocks import Limits
 from master.coupling.schemes import SCHEMES, scheme
 
 # The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
 FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
+PREDICTOR = "linear"
+ROUNDING = 1e-9  # part of a time by which it may miss that of a row of inputs
 # Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
 # makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
 # mislead.
@@ -37,12 +44,14 @@ Begun = Callable[[Exchange, Scheme | None], March]
 @dataclass(frozen=True, eq=False)
 class Inputs:
     """Columns of a table over `times` (k,) s: name of a block of either side -> values (k,), linear between the rows
-    and held outside. A communication step gets the values at its end, to which tapes move in the course of it.
+    (switches and whole numbers: as in the row before) and held outside. A communication step gets the values at its
+    end, to which tapes move in the course of it. `rows` (k,) are numbers of lines in the file, for messages.
     """
 
     path: str
     times: np.ndarray
     columns: dict[str, np.ndarray]
+    rows: Sequence[int] = ()
 
     @classmethod
     def read(cls, path: Path) -> "Inputs":
@@ -72,11 +81,14 @@ class Inputs:
             raise ValueError(f"{path} row {rows[back[0] + 2][0]}: time does not increase; sort the rows by time.")
         if len(set(header)) < len(header):
             raise ValueError(f"{path} row 1 names a column twice; drop one.")
-        return cls(str(path), table[:, 0], {name: table[:, k] for k, name in enumerate(header) if k > 0})
+        columns = {name: table[:, k] for k, name in enumerate(header) if k > 0}
+        return cls(str(path), table[:, 0], columns, [n for n, _ in rows[1:]])
 
     def require(self, participants: Mapping[str, Participant]) -> None:
-        """ValueError in one sentence for a column that is no scalar parameter or input of either side."""
-        for name in self.columns:
+        """ValueError in one sentence for a column that is no scalar parameter or input of either side, and for a value
+        that one of them does not take, whenever it would come.
+        """
+        for name, values in self.columns.items():
             owners = [p for p in participants.values() if p.causality.get(name) in ("parameter", "input")]
             if not owners:
                 known = sorted({b for p in participants.values() for b, c in p.causality.items()
@@ -84,14 +96,37 @@ class Inputs:
                 raise ValueError(f"{self.path} row 1: there is no '{name}'; there are: {', '.join(known)}.")
             if owners[0].blocks[name] != ():
                 raise ValueError(f"{self.path} row 1: {name} is no single value; leave it out.")
+            for limits in (p.limits[name] for p in owners if hasattr(p, "limits")):
+                self._require_values(name, values, limits)
+
+    def _require_values(self, name: str, values: np.ndarray, limits: Limits) -> None:
+        if limits.variability == "fixed":
+            raise ValueError(
+                f"{self.path} row 1: {name} is fixed once a run has begun, so it is no column of inputs; set it at the "
+                "start."
+            )
+        low, high = (None if b is None else float(b) for b in (limits.minimum, limits.maximum))
+        k, wanted = first_outside(values, low, high), allowed(low, high)
+        if k is None and limits.kind != "real":
+            wrong = values != np.round(values)
+            wrong |= (limits.kind == "boolean") & (np.abs(values - 0.5) > 0.5)
+            k = int(np.argmax(wrong)) if wrong.any() else None
+            wanted = "0 or 1" if limits.kind == "boolean" else "a whole number"
+        if k is not None:
+            row = f" row {self.rows[k]}" if len(self.rows) else ""
+            raise ValueError(f"{self.path}{row}: {name} at {self.times[k]:g} s must be {wanted}, not {values[k]:g}.")
 
     def apply(self, participants: Mapping[str, Participant], time: float) -> None:
         """Set all columns to their values at a time s."""
+        row = max(0, int(np.searchsorted(self.times, time + ROUNDING * max(1.0, abs(time)), "right")) - 1)
         for name, values in self.columns.items():
-            value = np.array(float(np.interp(time, self.times, values)))
+            # between the values of two rows whatever the rounding, so that none is out of bounds
+            linear = np.clip(np.interp(time, self.times, values), values.min(), values.max())
             for participant in participants.values():
                 if participant.causality.get(name) in ("parameter", "input"):
-                    participant.set(name, value)
+                    limits = getattr(participant, "limits", {}).get(name)
+                    whole = limits is not None and limits.kind != "real"
+                    participant.set(name, np.array(float(values[row] if whole else linear)))
 
 
 @dataclass(eq=False)
@@ -117,8 +152,12 @@ class Simulation:
 
     @property
     def blocks(self) -> dict[str, dict[str, np.ndarray]]:
-        """Side -> block -> present values."""
-        return {side: {block: p.get(block) for block in p.blocks} for side, p in self.participants.items()}
+        """Side -> block -> present values; none of a participant that has ended."""
+        found: dict[str, dict[str, np.ndarray]] = {side: {} for side in self.participants}
+        for side, p in self.participants.items():
+            with contextlib.suppress(ValueError, RuntimeError):
+                found[side] = {block: p.get(block) for block in p.blocks}
+        return found
 
 
 def exchange_of(participants: Mapping[str, Participant], step: float) -> Exchange:
@@ -167,43 +206,64 @@ def simulate(
     the participants of a run, and gives what it continues from. ValueError in one sentence for bad input; a step that
     cannot be solved ends the run with its status.
     """
+    _require(participants, stop_time, step, tolerance, max_iterations)
     run = Simulation({side: participants[side] for side in (FLOW, STRUCTURE) if side in participants})
     if inputs is not None:
         inputs.require(run.participants)
-    exchange, used = exchange_of(run.participants, step), None
-    if scheme_name != "explicit" and FLOW in run.participants:
-        used = _scheme(scheme_name, exchange, order, parameters)
+    exchange = exchange_of(run.participants, step)
+    exchange.fields(order)
+    made = _scheme(scheme_name, exchange, order, parameters)
+    used = made if scheme_name != "explicit" and FLOW in run.participants else None
     now = None if begun is None else begun(exchange, used)
-    if now is not None:
-        run.steps = now.steps
     run.time = run.start = exchange.time
+    run.steps = Steps() if now is None else now.steps
     _begin(run, scheme_name, now is None)
     if inputs is not None:
         inputs.apply(run.participants, exchange.end)
     if follower is not None:
         follower(exchange.time, run)
+    if now is None:
+        now = replace(March.beginning(exchange, order, PREDICTOR), steps=run.steps)
 
     def accepted(time: float, found: FixedPointResult) -> None:
         run.time = time
         run.evaluations = exchange.evaluations
-        if inputs is not None:
-            inputs.apply(run.participants, time + step)
-        if follower is not None:
-            follower(time, run)
+        try:
+            if inputs is not None:
+                inputs.apply(run.participants, exchange.end)
+        except ValueError as error:  # what only the participant can judge
+            raise StepFailed(f"inputs for {exchange.end:g} s: {str(error).rstrip('.')}") from error
+        finally:
+            if follower is not None:
+                follower(time, run)
 
     def held(march: March) -> None:
-        run.steps = march.steps
         if hold is not None:
             hold(exchange, used, march)
 
     explicit = scheme_name == "explicit"
     result: MarchResult = march(
         exchange, used, stop_time, order, atol=1.0 if explicit else tolerances(exchange, order, tolerance), rtol=0.0,
-        max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
+        predictor=PREDICTOR, max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
     )  # fmt: skip
     run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
     run.evaluations, run.seconds = result.evaluations, result.seconds
     return run
+
+
+def _require(
+    participants: Mapping[str, Participant], stop_time: float, step: float, tolerance: float, max_iterations: int
+) -> None:
+    """ValueError in one sentence for participants, times or tolerances that make no sense."""
+    known = f'"{STRUCTURE}", and "{FLOW}" where there is a flow'
+    if STRUCTURE not in participants:
+        raise ValueError(f"there is no participant '{STRUCTURE}'; simulate takes {known}.")
+    if unknown := [side for side in participants if side not in (STRUCTURE, FLOW)]:
+        raise ValueError(f"there is no place for a participant '{unknown[0]}'; simulate takes {known}.")
+    required_number("stop_time", stop_time, least=0.0)
+    required_number("step", step)
+    required_number("tolerance", tolerance)
+    required_count("max_iterations", max_iterations)
 
 
 def _scheme(name: str, exchange: Exchange, order: Order, parameters: dict[str, Any]) -> Scheme:

@@ -3,6 +3,7 @@
 import contextlib
 import sys
 from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ def couple_file(path: Path, out: Path | None = None, report: bool = True, files:
     left = document.unconnected()
     more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
     notes = [f"note: inputs without a source keep their start values: {', '.join(left[:SHOWN])}{more}"] if left else []
+    notes += [f"note: {remark}" for remark in result.remarks]
     events = list(result.steps.messages)
     notes += [f"note: step {number}, {sentence}" for number, sentence in events[:SHOWN]]
     notes += [f"note: {len(events) - SHOWN} more such notes are in summary.json"] if len(events) > SHOWN else []
@@ -32,7 +34,7 @@ def couple_file(path: Path, out: Path | None = None, report: bool = True, files:
         notes.append(f"{result.status}: {result.message}")
     print_rows(f"{path.stem}: {result.status}", result_rows(document, result), notes)
     written = [name for name in RESULTS if (out / name).exists()]
-    print_written(out, written, NO_PLOT if report and len(written) < len(RESULTS) else "")
+    print_written(out, written, NO_PLOT if report and find_spec("matplotlib") is None else "")
     return EXIT_CONVERGED if result.converged else EXIT_NOT_CONVERGED
 
 

@@ -205,6 +205,7 @@ class MappedParticipant(Blocks):
         self._factors = {name: block.factor for name, block in described.named.items() if block.factor != 1.0}
         self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts)
         self.name, self.blocks, self.limits = self.fmu.name, self.fmu.blocks, self.fmu.limits
+        self.own_blocks = self.fmu.own_blocks
         self.saves_state, self.serialises_state = self.fmu.saves_state, self.fmu.serialises_state
         self.step, self.save, self.restore, self.free = self.fmu.step, self.fmu.save, self.fmu.restore, self.fmu.free
         self.serialised, self.deserialised = self.fmu.serialised, self.fmu.deserialised

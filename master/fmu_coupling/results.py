@@ -1,7 +1,7 @@
 """What `kitecosim couple` leaves behind: rows while it runs, and tables, a plot and a summary at its end."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
@@ -11,7 +11,7 @@ import numpy as np
 
 from master.coupling.march import Steps
 from master.fmu_coupling.document import Document
-from master.report.record import POINTS, Curve, Rows
+from master.report.record import POINTS, Curve, Rows, clear_leftovers
 from master.report.tables import versions, write_json, write_whole
 
 if TYPE_CHECKING:
@@ -33,7 +33,8 @@ class CoupleResult:
 
     `status` and `message` as in `MarchResult`; `time` s is how far it came, `steps` what every communication step took
     (steady: every evaluation is one), `values` the recorded blocks at the end, `seconds` the wall time of each
-    participant, of all ("total") and of loading the FMUs ("set_up"), `logs` the last (status of FMI, sentence) of each.
+    participant, of all ("total") and of loading the FMUs ("set_up"), `logs` the last (status of FMI, sentence) of each,
+    `remarks` what else is worth a line.
     """
 
     status: str
@@ -44,6 +45,7 @@ class CoupleResult:
     values: dict[str, np.ndarray]
     seconds: dict[str, float]
     logs: dict[str, list[tuple[int, str]]]
+    remarks: list[str] = field(default_factory=list)
 
     @property
     def converged(self) -> bool:
@@ -74,9 +76,16 @@ class Recorder:
             flat = np.ravel(value)
             row += map(repr, flat.tolist())
             self.curves[name].add(time, flat if flat.size <= 3 else np.atleast_1d(np.linalg.norm(flat)))
+        self._begun().add(row)
+
+    def _begun(self) -> Rows:
+        """The rows; with the first one what an earlier run left goes, as all input is known to be good then."""
         if self._rows is None:
+            clear_leftovers(self.folder, RESULTS)
+            for name in RESULTS:
+                (self.folder / name).unlink(missing_ok=True)
             self._rows = Rows(self.folder / "results.csv", self._header)
-        self._rows.add(row)
+        return self._rows
 
     def __enter__(self) -> Self:
         return self
@@ -92,13 +101,14 @@ class Recorder:
 
     def finish(self, result: CoupleResult, report: bool = True) -> None:
         """Write what is left to write at the end of a run."""
+        self._begun()
         self._close()
         _write_steps(self.folder / "steps.csv", result.steps, self.document)
         write_json(self.folder / "summary.json", summary(self.document, result))
         self.written = list(RESULTS[:3])
         if report and find_spec("matplotlib") is None:
             self.remark = NO_PLOT
-        elif report:
+        elif report and result.values:  # none where not even the start could be recorded
             from master.report.figures import rendered
 
             title = f"{Path(self.document.file).stem}, {result.status.replace('_', ' ')}"
@@ -108,14 +118,14 @@ class Recorder:
 
 
 def _prepare(folder: Path) -> None:
-    """Make the folder and take away what an earlier run left in it; ValueError in one sentence if that cannot be."""
+    """Make the folder; ValueError in one sentence if that cannot be, or where a folder stands for one of the files."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in RESULTS:
-            (folder / name).unlink(missing_ok=True)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueError(f"results cannot be written to {folder} ({reason}); name another folder.") from None
+    if foreign := [name for name in RESULTS if (folder / name).is_dir()]:
+        raise ValueError(f"{folder} has a folder where {foreign[0]} should go; name another folder.")
 
 
 def _indices(shape: tuple[int, ...]) -> Iterator[str]:
@@ -156,6 +166,7 @@ def summary(document: Document, result: CoupleResult) -> dict[str, Any]:
         "recoveries": sum(steps.recoveries),
         "residual": steps.residuals[-1] if len(steps) else None,
         "messages": [{"step": number, "message": sentence} for number, sentence in steps.messages],
+        "remarks": result.remarks,
         "fmu_messages": {name: [text for _, text in log] for name, log in result.logs.items()},
         "wall_time_s": {
             "total": seconds["total"],

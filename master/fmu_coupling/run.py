@@ -10,7 +10,7 @@ import numpy as np
 
 from interface import StepFailed
 from master.coupling import checkpoint
-from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.checkpoint import NO_FILES, Files, Keeper
 from master.coupling.exchange import Exchange
 from master.coupling.fixed_point import FixedPointResult
 from master.coupling.march import STATUSES, March, MarchResult, Steps, march
@@ -63,8 +63,9 @@ def couple(
         seconds = {"total": time.perf_counter() - begin, "set_up": ready - begin, **ended.seconds}
         logs = {name: list(p.fmu.messages) for name, p in exchange.participants.items()}  # type: ignore[attr-defined]
         result = CoupleResult(
-            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs
-        )
+            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs,
+            run.keeper.remarks,
+        )  # fmt: skip
         if recorder is not None:
             recorder.finish(result, report)
     return result
@@ -77,6 +78,7 @@ class Run:
         self, document: Document, exchange: Exchange, followers: list[Follower], files: Files = NO_FILES
     ) -> None:
         self.document, self.exchange, self.followers, self.files = document, exchange, followers, files
+        self.keeper = Keeper(files)
         self.values: dict[str, np.ndarray] = {}
         s = document.settings
         self.scheme = None if s.scheme == "explicit" else scheme(s.scheme, exchange, s.order, **s.parameters)
@@ -90,6 +92,7 @@ class Run:
 
     def _check_checkpoints(self) -> None:
         """ValueError in one sentence where a run cannot be written to a checkpoint."""
+        self.files.require_writable()
         if self.document.settings.mode == "steady":
             raise ValueError("checkpoints are of transient runs; a steady run is one fixed point.")
         for name in self.exchange.without_rollback():
@@ -113,6 +116,9 @@ class Run:
 
     def _restarted(self, path: Path) -> March:
         """Where a run continues from a checkpoint; ValueError in one sentence if that is of something else."""
+        scene = checkpoint.head(path).get("scene")
+        if scene is not None:
+            raise ValueError(f"checkpoint {path} is of `kitecosim run {scene}`; continue it with that command.")
         about, content = checkpoint.read(path)
         if about.get("models", self._models()) != self._models():
             raise ValueError(
@@ -124,20 +130,47 @@ class Run:
             now.require_fields(self.exchange, self.document.settings.order)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
+        self._require_times(f"the {self.exchange.time:g} s of the checkpoint {path}")
         return now
 
+    def _require_times(self, begin: str) -> None:
+        """ValueError in one sentence where the stop time does not suit where a restart begins."""
+        s, exchange = self.document.settings, self.exchange
+        count = round((s.stop - exchange.time) / exchange.dt)
+        if count < 0:
+            raise ValueError(f"{self.document.file}: [time] stop = {s.stop:g} lies before {begin}; take a later one.")
+        if abs(exchange.time + count * exchange.dt - s.stop) > 1e-6 * exchange.dt:
+            raise ValueError(
+                f"{self.document.file}: [time] stop = {s.stop:g} is no whole number of steps of {exchange.dt:g} after "
+                f"{begin}; change one."
+            )
+
     def _hold(self, now: March) -> None:
-        last = self.exchange.time > self.document.settings.stop - 0.5 * self.exchange.dt
-        if self.files.checkpoint is not None and (last or len(now.steps) % self.files.every == 0):
-            about: dict[str, Any] = {"document": self.document.file, "models": self._models()}
-            about |= {"time": self.exchange.time, "steps": len(now.steps)}
-            checkpoint.write(self.files.checkpoint, about, checkpoint.dump_march(self.exchange, self.scheme, now))
+        exchange, count = self.exchange, len(now.steps)
+        last = exchange.time > self.document.settings.stop - 0.5 * exchange.dt
+        about: dict[str, Any] = {"document": self.document.file, "models": self._models()}
+        about |= {"time": exchange.time, "steps": count}
+        self.keeper.keep(
+            count, f"at {exchange.time:g} s", about, lambda: checkpoint.dump_march(exchange, self.scheme, now), last
+        )
 
     def ended(self) -> MarchResult:
         """The run to its end."""
-        self._tell(np.nan)
+        self.files.begin()
+        try:
+            self._tell(np.nan)
+        except StepFailed as error:  # of what is recorded
+            return self._broken_off(f"The run cannot begin: {error}.")
         s = self.document.settings
         return self._steady() if s.mode == "steady" else self._transient()
+
+    def _broken_off(self, message: str) -> MarchResult:
+        """The end of a run that no driver has ended."""
+        exchange, steps = self.exchange, self.now.steps
+        if len(steps):
+            steps.codes[-1] = STATUSES.index("diverged")
+        seconds = dict(exchange.seconds)
+        return MarchResult("diverged", message, exchange.time, self.now.x, steps, exchange.evaluations, seconds)
 
     def _transient(self) -> MarchResult:
         s = self.document.settings
@@ -164,13 +197,12 @@ class Run:
         used = scheme(s.scheme, exchange, s.order, **s.parameters)
         try:
             ended = steady(exchange, used, _Evaluations(self), s.order, s.max_iterations, s.recoveries)
-        except StepFailed as error:  # a participant that could not save its state
-            status, message = "diverged", f"The run cannot continue: {error}"
-        else:
-            self.now.x, status, message = ended.found.x_tilde, ended.status, ended.message
-            _judge(steps, ended.found)
+        except StepFailed as error:  # a participant that could not save its state, or give what is recorded
+            return self._broken_off(f"The run cannot continue: {error}.")
+        self.now.x = ended.found.x_tilde
+        _judge(steps, ended.found)
         return MarchResult(
-            status, message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
+            ended.status, ended.message, exchange.time, self.now.x, steps, exchange.evaluations, dict(exchange.seconds)
         )
 
     def evaluated(self, residual: float) -> None:
@@ -184,8 +216,11 @@ class Run:
         self._tell(float(residual))
 
     def _tell(self, residual: float) -> None:
-        participants = self.exchange.participants
-        self.values = {f"{name}.{block}": participants[name].get(block) for name, block in self.document.record}
+        values = {}
+        for name, block in self.document.record:
+            with self.exchange.booked(name, f"could not give {block}"):
+                values[f"{name}.{block}"] = self.exchange.participants[name].get(block)
+        self.values = values
         for follower in self.followers:
             follower(self.number, self.exchange.time, residual, self.values)
 

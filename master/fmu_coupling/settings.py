@@ -6,15 +6,12 @@ from typing import Any, get_args
 
 from master.coupling.convergence import Tolerance
 from master.coupling.exchange import ORDERS, Interpolation, Order
-from master.coupling.march import PREDICTORS
+from master.coupling.march import MOST_STEPS, PREDICTORS
 from master.coupling.schemes import SCHEMES, scheme
 from master.fmu_coupling.entries import Table
 
 MODES = ("transient", "steady")
 TRANSIENT_ONLY = {"time": ("stop",), "coupling": ("predictor", "strict", "interpolation")}
-
-
-MOST_STEPS = 1e12  # beyond it a step is rounding of the time
 
 
 @dataclass(frozen=True)

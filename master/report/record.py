@@ -2,6 +2,8 @@
 
 import csv
 import os
+import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import IO, Any
 
@@ -28,6 +30,31 @@ class Rows:
         if not self._file.closed:
             self._file.close()
             self._temporary.replace(self._path)
+
+
+LEFT = re.compile(r"\.(.+)\.(\d+)\.(tmp|part)")  # a file under way: its name to be, the process that writes it
+
+
+def clear_leftovers(folder: Path, names: Collection[str] | None = None) -> None:
+    """Remove what processes that no longer live have left half-written in a folder, of files of these names (None: of
+    any).
+    """
+    for path in folder.glob(".*.*"):
+        found = LEFT.fullmatch(path.name)
+        if found and (names is None or found[1] in names) and not _lives(int(found[2])):
+            path.unlink(missing_ok=True)
+
+
+def _lives(process: int) -> bool:
+    if os.name != "posix":  # elsewhere to ask would be to end it
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # of another user; no process has such a number
+        return True
+    return True
 
 
 class Curve:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from interface import StepFailed
 from master.coupling.participants import Participant
 from master.coupling.simulation import Simulation
 from master.report import RESULTS as STATIC_RESULTS
@@ -50,19 +51,20 @@ class Recorder:
         known = len(steps) > 0 and at > 0.0
         row: list[Any] = [repr(at), steps.statuses[-1] if known else "start"]
         row += [steps.iterations[-1] if known else 0, repr(steps.residuals[-1]) if known else ""]
-        for name, (side, block) in self._names.items():
-            values = np.ravel(run.participants[side].get(block))
-            self.curves[name].add(at, values)
-            row += map(repr, values.tolist())
+        found = {name: _given(run, side, block) for name, (side, block) in self._names.items()}
+        position = _given(run, "structural", "position")
+        for name, values in found.items():
+            self.curves[name].add(at, np.ravel(values))
+            row += map(repr, np.ravel(values).tolist())
         if self._rows is None:
             self._rows = Rows(self._folder / "history.csv", self._header())
         self._rows.add(row)
-        self._keep(at, run)
+        self._keep(at, position)
 
-    def _keep(self, at: float, run: Simulation) -> None:
+    def _keep(self, at: float, position: np.ndarray) -> None:
         self._every = self._every or 1
         if self._seen % self._every == 0:
-            self.shapes.append((at, run.participants["structural"].get("position")))
+            self.shapes.append((at, position))
             if len(self.shapes) > SHAPES:
                 self.shapes, self._every = self.shapes[::2], 2 * self._every
         self._seen += 1
@@ -84,6 +86,14 @@ class Recorder:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         if self._rows is not None:
             self._rows.close()
+
+
+def _given(run: Simulation, side: str, block: str) -> np.ndarray:
+    """The present values of a block; StepFailed, which ends the run with its status, if they cannot be had."""
+    try:
+        return run.participants[side].get(block)
+    except (ValueError, RuntimeError) as error:
+        raise StepFailed(f"the {side} solver could not give {block}: {str(error).rstrip('.')}") from error
 
 
 def _outputs(participants: dict[str, Participant]) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -186,17 +196,22 @@ def write_plots(
         for kind, data in rendered(figure).items():
             write_whole(folder / f"{name}.{kind}", data)
             written.append(f"{name}.{kind}")
-    if find_spec("meshio") is not None:
+    if find_spec("meshio") is not None and all(blocks.values()):
         written += _meshes(folder, scene, blocks)
     return written
+
+
+def nothing_on(mesh: Any) -> dict[str, np.ndarray]:
+    """No displacement and no pressure on an interface mesh: of a scene that lacks the blocks or the flow for them."""
+    return {"displacement": np.zeros(mesh.nodes.shape), "pressure": np.zeros(len(mesh.panels))}
 
 
 def _meshes(folder: Path, scene: Any, blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
     from master.report import vtk
     from master.report.state import final_state
 
-    none = {"pressure": np.zeros(len(scene.interface.panels))}
-    at_end = SimpleNamespace(blocks={"structural": blocks["structural"], "aero": none | blocks.get("aero", {})})
+    none = nothing_on(scene.interface)
+    at_end = SimpleNamespace(blocks={side: none | blocks.get(side, {}) for side in ("structural", "aero")})
     state = final_state(scene, at_end)  # type: ignore[arg-type]
     files = {}
     if len(state.surface.panels):

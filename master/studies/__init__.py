@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from master.commands import results_folder
+from master.coupling.convergence import required_count
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.schemes import SCHEMES
 from master.report.tables import plain
-from master.studies.files import Store
+from master.studies.files import Store, begin
 from master.studies.flat import flat_rows
 from master.studies.grid import grid
 from master.studies.pool import rows
@@ -72,9 +73,14 @@ def compare(
         "max_iterations": max_iterations,
         "repeat": repeat,
     }
-    if jobs is not None and jobs < 0:
-        raise ValueError(f"--jobs must be at least 1, or 0 for no worker processes, not {jobs}.")
+    if jobs is not None:
+        required_count("--jobs (0: no worker processes)", jobs, least=0)
     listed = {k: list(v) if isinstance(v, list | tuple | np.ndarray) else [v] for k, v in (parameters or {}).items()}
+    for name, given in (sweep or {}).items():
+        if not isinstance(given, list | tuple | range | np.ndarray):
+            raise ValueError(
+                f"sweep takes several values of {name} in a list, not {given!r}; settings takes a single one."
+            )
     swept = {k: [assignment_text(v) for v in values] for k, values in (sweep or {}).items()}
     if empty := next((k for k, values in [*listed.items(), *swept.items()] if not len(values)), None):
         raise ValueError(f"{empty} has no values; give at least one.")
@@ -86,6 +92,7 @@ def compare(
     if out is not None:
         results_folder(Path(out))
         store = Store(Path(out))
+        begin(Path(out))
     found = {} if store is None or recompute or fresh else store.finished(cells)
     if progress is not None:
         progress(len(found), len(cells), None)

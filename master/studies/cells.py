@@ -134,7 +134,7 @@ def _simulate(cell: Cell, scene: Any, given: dict[str, Any], folder: Path) -> tu
 
 
 def _moved(run: Simulation, sides: dict[str, Any]) -> dict[str, Any]:
-    status, message = run.status, run.message
+    status, message, structure = run.status, run.message, sides["structural"]
     if run.finished:
         status, message = "converged", f"All {len(run.steps)} communication steps converged."
     return {
@@ -144,7 +144,7 @@ def _moved(run: Simulation, sides: dict[str, Any]) -> dict[str, Any]:
         "communication_steps": len(run.steps),
         "recoveries": sum(run.steps.recoveries),
         "histories": {STEPS: list(run.steps.iterations)},
-        "displacement": np.ravel(sides["structural"].get("displacement")).tolist(),
+        "displacement": np.ravel(structure.get("displacement")).tolist() if "displacement" in structure.blocks else [],
         **_of_sides(sides),
     }
 

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from master.report.record import clear_leftovers
 from master.report.tables import write_json, write_whole
 from master.studies.grid import Cell
 from master.studies.tables import comma_separated, markdown
@@ -49,12 +50,18 @@ def write_comparison(out: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
         images = {name: rendered(figure) for name, figure in comparison_figures(rows).items()}
         content |= {f"{name}.{kind}": data for name, image in images.items() for kind, data in image.items()}
         content["compare.html"] = page(rows, {name: (FIGURES[name], image["svg"]) for name, image in images.items()})
-    for name in FILES:  # so that none of an earlier comparison stands beside them
-        (out / name).unlink(missing_ok=True)
+    begin(out)
     write_json(out / "compare.json", {"cells": list(rows)})
     for name, data in content.items():
         write_whole(out / name, data)
     return [name for name in FILES if name in content or name == "compare.json"]
+
+
+def begin(out: Path) -> None:
+    """Remove tables, plots and page of an earlier comparison, so that none is taken for those of this one."""
+    clear_leftovers(out, FILES)
+    for name in FILES:
+        (out / name).unlink(missing_ok=True)
 
 
 class Store:
@@ -69,6 +76,7 @@ class Store:
             self._folder.mkdir(exist_ok=True)
         except OSError:
             raise ValueError(f"--out {out}: {self._folder} cannot be made a folder; name another folder.") from None
+        clear_leftovers(self._folder)
 
     def finished(self, cells: Iterable[Cell]) -> dict[str, dict[str, Any]]:
         """Key -> row of the cells that are there."""

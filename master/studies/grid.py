@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from master.commands import BACKENDS, prepared
+from master.coupling.convergence import required_count, required_number
 from master.coupling.exchange import ORDERS
 from master.coupling.schemes import SCHEMES, defaults
 from master.coupling.simulation import PARAMETERS
@@ -117,11 +118,9 @@ def _checked(scenes: Sequence[str], schemes: Sequence[str], orders: Sequence[str
     if exact and options["backend"] == "fmu":
         raise ValueError(f"scheme {exact[0]} needs directional derivatives, which FMUs lack; use --backend in-process.")
     for key in ("tolerance", "force_tolerance"):
-        if not (np.isfinite(options[key]) and options[key] > 0.0):
-            raise ValueError(f"--{key.replace('_', '-')} must be a number above zero, not {options[key]}.")
+        required_number(f"--{key.replace('_', '-')}", options[key])
     for key in ("max_iterations", "repeat"):
-        if options[key] < 1:
-            raise ValueError(f"--{key.replace('_', '-')} must be at least 1, not {options[key]}.")
+        required_count(f"--{key.replace('_', '-')}", options[key])
 
 
 def _variants(schemes: Sequence[str], given: Mapping[str, Sequence[Any]]) -> list[tuple[str, dict[str, Any], str]]:

@@ -87,15 +87,17 @@ class Solver:
 class Core:
     """Set / step / get / save / restore on the blocks of one solver, with derivatives where it has them.
 
+    Blocks of no value at all (panels of a scene without any) are not shown, since FMI has no variables for them.
     A step that fails leaves all as it was: where it was the first, none has been made, and parameters that change
     still move the start.
     """
 
     def __init__(self, solver: Solver):
         self.solver = solver
-        self.variables = solver.variables
+        self.variables = tuple(v for v in solver.variables if v.size)
         self._by_name = {v.name: v for v in self.variables}
-        self._values = {v.name: np.array(np.broadcast_to(v.start, v.shape), dtype=float) for v in self.variables}
+        self._shapes = {v.name: v.shape for v in solver.variables}
+        self._values = {v.name: np.array(np.broadcast_to(v.start, v.shape), dtype=float) for v in solver.variables}
         self._outputs, self._started = Outputs.OUTDATED, False
         self._derivative: Any = None  # then, as soon as it is asked for
         self._require_starts()
@@ -162,8 +164,8 @@ class Core:
 
     def get(self, block: str) -> np.ndarray:
         """A copy of the present values of any block, in its shape."""
-        if block not in self._values:
-            raise ValueError(f"there is no block '{block}'; there are: {', '.join(self._values)}.")
+        if block not in self._by_name:
+            raise ValueError(f"there is no block '{block}'; there are: {', '.join(self._by_name)}.")
         return self._values[block].copy()
 
     def look(self) -> None:
@@ -249,7 +251,7 @@ class Core:
         self._state = self._state if result.state is None else result.state
 
     def _arrays(self, result: Result) -> dict[str, np.ndarray]:
-        shapes = {k: self._by_name[k].shape for k in result.values}
+        shapes = self._shapes
         return {k: np.array(np.broadcast_to(v, shapes[k]), dtype=float) for k, v in result.values.items()}
 
 

@@ -18,6 +18,7 @@ ENERGIES = {
     "kinetic_energy": "kinetic", "elastic_energy": "elastic", "external_work": "work", "reeling_work": "reeled",
     "dissipated_energy": "dissipated", "numerical_loss": "numerical_loss",
 }  # fmt: skip
+MOST_SUBSTEPS = 1e6  # of the integration within a communication step: none is meant to take longer
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +121,11 @@ class Transient(Solver):
         """Integrate over the communication step."""
         if not 0.0 < dt < np.inf:
             raise StepFailed(f"a step of {dt:g} s is none; time goes forward.")
+        if dt > MOST_SUBSTEPS * float(values["longest_step"]):
+            raise StepFailed(
+                f"a step of {dt:g} s takes more than {MOST_SUBSTEPS:g} steps of the integration, which are of "
+                f"{float(values['longest_step']):g} s at most (longest_step); take a shorter one."
+            )
         if first:  # what was set before the first step is where it begins
             state = replace(state, lengths=self._lengths(values))
         lengths = self._reeled(values, state, t, dt)

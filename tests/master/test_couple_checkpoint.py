@@ -53,3 +53,29 @@ def test_what_cannot_be_kept_is_refused_before_anything_is_run(toy_fmus, with_wh
         with pytest.raises(ValueError, match=reason):
             run(with_wheel, content, Files(tmp_path / "a.ckp"))
     assert not (tmp_path / "a.ckp").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "restart", "says"),
+    [
+        ({}, "missing.ckp", r"missing\.ckp cannot be read"),
+        ({"stop": 0.2}, "half.ckp", r"\[time\] stop = 0\.2 lies before the 0\.5 s of the checkpoint .*half\.ckp"),
+        ({"step": 0.3, "stop": 0.9}, "half.ckp", r"no whole number of steps of 0\.3 after the 0\.5 s of the check"),
+        ({"order": "parallel"}, "half.ckp", "has the unknowns"),
+    ],
+)
+def test_a_restart_that_is_refused_leaves_the_results_as_they_were(serialising, tmp_path, change, restart, says):
+    out = tmp_path / "out"
+    run(serialising, oscillator(stop=0.5), Files(tmp_path / "half.ckp"), out=out)
+    before = {path: path.read_bytes() for path in out.iterdir()}
+    assert {path.name for path in before} >= {"results.csv", "steps.csv", "summary.json"}
+    with pytest.raises(ValueError, match=says):
+        run(serialising, oscillator(**change), Files(restart=tmp_path / restart), out=out)
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_the_results_of_another_run_go_with_the_first_row(serialising, tmp_path):
+    run(serialising, oscillator(stop=0.5), Files(), out=tmp_path)
+    assert (tmp_path / "results.png").exists()
+    run(serialising, oscillator(stop=0.5), Files(), out=tmp_path, report=False)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["results.csv", "steps.csv", "summary.json"]

@@ -1,5 +1,7 @@
 """`kitecosim couple` where a save fails, where a checkpoint is of something else, where a name is taken."""
 
+import json
+
 import pytest
 from typer.testing import CliRunner
 
@@ -63,7 +65,38 @@ def test_a_checkpoint_of_the_other_backend_is_refused_with_the_remedy(tmp_path):
     command = ["run", "typical_section", *options]
     runner = CliRunner()
     assert runner.invoke(app, [*command, "--backend", "in-process", "--checkpoint", str(file)]).exit_code == 0
-    ended = runner.invoke(app, [*command, "--restart", str(file)])
+    ended = runner.invoke(app, [*command, "--restart", str(file), "--backend", "fmu"])
     assert ended.exit_code == 2
     assert "add --backend in-process" in ended.output
     assert "a b.ckp" in ended.output
+    assert runner.invoke(app, [*command, "--restart", str(file)]).exit_code == 0  # as in the checkpoint
+
+
+@pytest.mark.parametrize("mode", ["explicit", "iqn-ils", "steady"])
+@pytest.mark.parametrize("first", [0, 1, 3])
+def test_a_recorded_variable_that_cannot_be_had_ends_with_a_status_and_what_was_reached(
+    toy_fmus, monkeypatch, tmp_path, mode, first
+):
+    get, calls = FmuParticipant.get, []
+
+    def failing(self, block):
+        if block == "steps":
+            calls.append(block)
+            if len(calls) > first:
+                raise RuntimeError(f"{self.name} ended with fmi2Fatal:\n no steps")
+        return get(self, block)
+
+    monkeypatch.setattr(FmuParticipant, "get", failing)
+    content = oscillator(**({} if mode == "steady" else {"scheme": mode}))
+    content["results"] = {"record": ["wall.position", "wall.steps"]}
+    if mode == "steady":
+        content["time"] = {"mode": "steady"}
+    result = couple(Document.of(content, toy_fmus), tmp_path)
+    assert result.status == "diverged"
+    assert result.message.endswith("participant wall could not give steps: wall.fmu ended with fmi2Fatal: no steps.")
+    assert set(result.values) == ({"wall.position", "wall.steps"} if first else set())
+    assert json.loads((tmp_path / "summary.json").read_text())["status"] == "diverged"
+    assert (tmp_path / "results.png").exists() == bool(first)
+    rows = [len((tmp_path / name).read_text().splitlines()) - 1 for name in ("results.csv", "steps.csv")]
+    assert rows == [first, first]  # the start, and steps but the last one; all steps but the start
+    assert result.steps.statuses[-1:] == (["diverged"] if mode == "steady" and first else ["converged"] * bool(first))

@@ -181,7 +181,7 @@ def test_an_interrupt_leaves_no_saved_state(scheme, at):
         ({"stop_time": np.nan}, "must not lie before the start"),
         ({"predictor": "cubic"}, "no predictor 'cubic'"),
         ({"rtol": -1.0}, "not negative"),
-        ({"max_iterations": 0}, "whole number >= 1"),
+        ({"max_iterations": 0}, "whole number of at least 1"),
     ],
 )
 def test_bad_settings_are_refused_in_one_sentence_and_leave_no_saved_state(change, says):

@@ -213,5 +213,5 @@ def test_the_command_refuses_other_settings_of_a_scene(tmp_path):
     assert commands.run_scene("typical_section", CHOICES, {"wind_speed": "12"}, tmp_path / "a", keep) == 0
     with pytest.raises(ValueError, match=r"has variant = divergent, this run restoring.*\.$"):
         commands.run_scene("typical_section", CHOICES, {"variant": "restoring"}, tmp_path / "b", onward)
-    with pytest.raises(ValueError, match=r"--checkpoint-every must be at least 1.*\.$"):
+    with pytest.raises(ValueError, match=r"--checkpoint-every must be a whole number of at least 1.*\.$"):
         commands.run_scene("typical_section", CHOICES, {}, tmp_path / "c", checkpoint.Files(path, 0))

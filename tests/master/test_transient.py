@@ -12,7 +12,7 @@ from benchmarks.particle_kite import flown as kite_flown
 from master import compare
 from master.cli import app
 from master.commands import opened
-from master.coupling import InProcessParticipant, simulate
+from master.coupling import FmuParticipant, InProcessParticipant, simulate
 from master.coupling.simulation import Inputs
 from scenes import load
 
@@ -99,6 +99,11 @@ def test_a_run_leaves_its_history_summary_and_plots(tmp_path):
     assert content["real_time_factor"] > 0.0
     rows = list(csv.DictReader((tmp_path / "history.csv").read_text().splitlines()))
     assert [float(r["time_s"]) for r in rows] == pytest.approx(np.linspace(0.0, 1.0, 11).tolist())
+    assert [r["status"] for r in rows] == ["start"] + ["converged"] * 10
+    assert int(rows[0]["evaluations"]) == 0
+    assert sum(int(r["evaluations"]) for r in rows) == content["evaluations"]
+    assert rows[0]["residual"] == ""
+    assert all(0.0 < float(r["residual"]) < 1e-3 for r in rows[1:])  # tolerances: 1e-5 m and 1e-4 m/s
     assert float(rows[-1]["kinetic_energy"]) == content["outputs"]["structural.kinetic_energy"]
     assert {"motion.png", "shapes.svg", "structure.vtu", "nodes.csv"} <= {p.name for p in tmp_path.iterdir()}
     assert "x real time" in result.output
@@ -125,22 +130,51 @@ def test_inputs_over_time_reach_both_sides(tmp_path):
         ("when,wind_speed\n0,1\n", ["time,NAME"]),
         ("", ["time,NAME"]),
         ("time,wind_direction\n0,1\n", ["no single value"]),
+        ("time,wind_speed\n0,6\n\n30,-1\n", ["row 4: wind_speed at 30 s must be between 0.001 and 340, not -1."]),
+        ("time,spectral_radius\n0,0\n0.7,1.5\n", ["row 3: spectral_radius at 0.7 s must be between 0 and 1, not 1.5."]),
+        ("time,symmetric\n0,0\n0.7,0.5\n", ["row 3: symmetric at 0.7 s must be 0 or 1, not 0.5."]),
+        ("time,start_in_equilibrium\n0,1\n", ["row 1: start_in_equilibrium is fixed once a run has begun"]),
     ],
 )
-def test_inputs_that_cannot_be_are_one_sentence_and_nothing_is_written(text, words, tmp_path):
+@pytest.mark.parametrize("backend", ["in-process", "fmu"])
+def test_inputs_that_cannot_be_are_one_sentence_and_nothing_is_written(backend, text, words, tmp_path):
     table, out = tmp_path / "inputs.csv", tmp_path / "out"
     table.write_text(text)
-    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--inputs", table, "--out", out)
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", backend, "--inputs", table, "--out", out)
     assert result.exit_code == 2
     assert all(word in result.output for word in words), result.output
     assert not list(out.glob("*.json"))
+
+
+@pytest.mark.parametrize("backend", ["in-process", "fmu"])
+def test_between_rows_numbers_are_linear_and_switches_as_in_the_row_before(backend, tmp_path):
+    table = tmp_path / "inputs.csv"
+    table.write_text("time,symmetric,spectral_radius\n0,1,0.1\n0.6,0,0.7\n")
+    inputs = Inputs.read(table)
+    with opened(load("tether_in_wind"), backend, {}, tmp_path) as sides:
+        inputs.require(sides)
+        for time, switch, number in ((0.0, 1, 0.1), (0.3, 1, 0.4), (0.1 + 0.2 + 0.3, 0, 0.7), (9.0, 0, 0.7)):
+            inputs.apply(sides, time)
+            assert float(sides["structural"].get("symmetric")) == switch
+            assert float(sides["structural"].get("spectral_radius")) == pytest.approx(number, abs=1e-12)  # rounding
+
+
+def test_a_value_that_only_the_solver_can_judge_ends_the_run_with_a_status(tmp_path):
+    table, out = tmp_path / "inputs.csv", tmp_path / "out"
+    table.write_text("time,gust_duration\n0,5\n0.5,5\n0.6,0\n")
+    result = _cli("tether_in_wind", "--stop-time", 1, "--backend", "in-process", "--inputs", table, "--out", out)
+    assert result.exit_code == 1
+    content = json.loads((out / "summary.json").read_text())
+    assert content["status"] == "diverged"
+    assert content["message"].endswith("at 0.5 s: inputs for 0.6 s: gust_duration must be above zero.")
+    assert len((out / "history.csv").read_text().splitlines()) == 2 + 5  # header, start, steps
 
 
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["v3_kite", "--stop-time", "1"], "--stop-time is for transient scenes"),
-        (["tether_in_wind", "--step", "0"], "--step must be a number of seconds above zero"),
+        (["tether_in_wind", "--step", "0"], "--step must be a number above zero, not 0.0"),
         (["tether_in_wind", "--step", "0.3", "--stop-time", "1"], "no whole number of communication steps"),
         (
             ["tether_in_wind", "--scheme", "newton-krylov", "--backend", "in-process"],
@@ -287,3 +321,47 @@ def test_a_step_that_cannot_be_solved_ends_the_run_with_what_was_reached(tmp_pat
     assert 0.5 <= content["time"] < 1.0
     rows = (out / "history.csv").read_text().splitlines()
     assert len(rows) == 2 + round(content["time"] / 0.1)  # header, start, and the steps
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_followers_know_the_step_that_they_follow(restarted):
+    begun, told = None, []
+    sides = {side: InProcessParticipant(core) for side, core in load("tether_in_wind").cores().items()}
+    if restarted:
+        kept = []
+        simulate(sides, 0.2, 0.1, hold=lambda exchange, scheme, march: kept.append((exchange.clock, march)))
+
+        def begun(exchange, scheme):
+            exchange.clock = kept[-1][0]
+            return kept[-1][1]
+
+    def follower(time, run):
+        told.append((round(time, 9), len(run.steps), run.steps.times[-1] if run.steps else None))
+
+    run = simulate(sides, 0.4, 0.1, follower=follower, begun=begun)
+    assert run.finished
+    whole = [(0.0, 0, None), *((round(t, 9), k + 1, t) for k, t in enumerate(run.steps.times))]
+    assert told == whole[2 if restarted else 0 :]
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+def test_an_fmu_that_ends_for_good_leaves_the_results_up_to_there(scheme, tmp_path, monkeypatch):
+    step = FmuParticipant.step
+
+    def failing(self, t, dt):
+        if t > 0.25 and "structural" in self.name:
+            self._fmu, self._end = None, "ended with fmi2Fatal: no reason logged"
+            raise RuntimeError(f"{self.name} {self._end}")
+        step(self, t, dt)
+
+    monkeypatch.setattr(FmuParticipant, "step", failing)
+    result = _cli("tether_in_wind", "--stop-time", 1, "--scheme", scheme, "--out", tmp_path)
+    assert result.exit_code == 1, result.output
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["status"] == "diverged"
+    assert "tether_in_wind_structural.fmu ended with fmi2Fatal" in content["message"]
+    assert content["time"] == pytest.approx(0.3, abs=1e-12)
+    assert "aero.present_wind_speed" in content["outputs"]
+    assert len((tmp_path / "history.csv").read_text().splitlines()) == 2 + 3  # header, start, steps
+    assert (tmp_path / "motion.png").exists()
+    assert not (tmp_path / "nodes.csv").exists()  # where they are is not known

@@ -21,7 +21,8 @@ INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j
 class Limits:
     """What a block takes: bounds are numbers or arrays of its shape, None where there are none.
 
-    `started`: takes a start value, whatever its causality (FMI: initial is exact or approx).
+    `started`: takes a start value, whatever its causality (FMI: initial is exact or approx). `kind` is "real", or
+    "boolean" or "integer" for whole numbers.
     """
 
     causality: str
@@ -29,6 +30,7 @@ class Limits:
     minimum: np.ndarray | float | None = None
     maximum: np.ndarray | float | None = None
     started: bool = False
+    kind: str = "real"
 
 
 class Blocks:
@@ -138,6 +140,7 @@ def described_limits(scalars: list[Any], shape: tuple[int, ...]) -> Limits:
         np.reshape(lower, shape) if np.isfinite(lower).any() else None,
         np.reshape(upper, shape) if np.isfinite(upper).any() else None,
         all(s.initial in ("exact", "approx") and s.variability != "constant" for s in scalars),
+        {"Real": "real", "Boolean": "boolean"}.get(scalars[0].type, "integer"),
     )
 
 

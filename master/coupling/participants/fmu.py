@@ -63,8 +63,8 @@ class FmuParticipant(Blocks):
     """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
 
     `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
-    makes blocks beside those of `name[i,j]`: name -> (variables in row-major order, shape). What the FMU logs is kept,
-    not printed: `messages` holds the last (status, sentence) pairs.
+    makes blocks beside those of `name[i,j]` (`own_blocks`): name -> (variables in row-major order, shape). What the
+    FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs.
     """
 
     def __init__(
@@ -116,6 +116,7 @@ class FmuParticipant(Blocks):
         variables = {variable.name: variable for variable in description.modelVariables}
         self._texts = {name: v.valueReference for name, v in variables.items() if v.type == "String"}
         self._scalars = grouped(description.modelVariables)
+        self.own_blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self._scalars |= {name: ([variables[v] for v in listed], shape) for name, (listed, shape) in named.items()}
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self.limits = {name: described_limits(*block) for name, block in self._scalars.items()}

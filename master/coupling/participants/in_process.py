@@ -21,7 +21,9 @@ class InProcessParticipant(Blocks):
         self.offers_derivatives = getattr(core, "offers_derivatives", hasattr(core, "directional_derivative"))
         self._look = getattr(core, "look", None)
         self.blocks = {v.name: tuple(v.shape) for v in core.variables}
-        self.limits = {v.name: Limits(v.causality, v.variability, v.minimum, v.maximum) for v in core.variables}
+        self.limits = {
+            v.name: Limits(v.causality, v.variability, v.minimum, v.maximum, kind=v.kind) for v in core.variables
+        }
         for block, value in (parameters or {}).items():
             core.set(block, self.checked(block, value, start=True))
 
