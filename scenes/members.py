@@ -30,8 +30,8 @@ class WingMesh:
 
     `nodes` (n,3) m and `labels`, those of the tables first; `grid` (columns, stations) node indices of the canopy from
     the left tip to the right one and from leading to trailing edge; `tubes`; `frames` (r,) the node of each frame;
-    `riders` and `carriers` (k,) rigid links; `springs` the canopy as (name, ends, rest length m, stiffness N/m),
-    tension only; `canopy_mass` (n,) kg and `tube_length` (n,) m, the share of each node.
+    `dependent_nodes` (k,) on rigid links in the frames `link_rotations` (k,); `springs` the canopy as (name, ends, rest
+    length m, stiffness N/m), tension only; `canopy_mass` (n,) kg and `tube_length` (n,) m, the share of each node.
     """
 
     nodes: np.ndarray
@@ -39,8 +39,8 @@ class WingMesh:
     grid: np.ndarray
     tubes: Tubes
     frames: np.ndarray
-    riders: np.ndarray
-    carriers: np.ndarray
+    dependent_nodes: np.ndarray
+    link_rotations: np.ndarray
     springs: list[tuple[str, tuple[int, int], float, float]]
     canopy_mass: np.ndarray
     tube_length: np.ndarray

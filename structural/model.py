@@ -24,7 +24,8 @@ class Structure:
     `nodes` (n,3) reference positions m, `fixed` (n,3) bool supported directions, `groups` of elements, `load_groups`
     name -> where loads of that name act. What turns with nodes are the `frames` (r,), the node of each (a node has one,
     or one for each beam that is hinged to it), `clamped` (r,3) bool says about which fixed axes they cannot turn.
-    `riders` (k,) are nodes at a fixed place in a frame: rigid links to the `carriers` (k,), frames.
+    Rigid links keep the `dependent_nodes` (k,) at a fixed place in the frames `link_rotations` (k,), those of their
+    reference nodes.
     """
 
     nodes: np.ndarray
@@ -33,13 +34,18 @@ class Structure:
     load_groups: Mapping[str, LoadGroup] = field(default_factory=dict)
     frames: np.ndarray = field(default_factory=_none)
     clamped: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
-    riders: np.ndarray = field(default_factory=_none)
-    carriers: np.ndarray = field(default_factory=_none)
+    dependent_nodes: np.ndarray = field(default_factory=_none)
+    link_rotations: np.ndarray = field(default_factory=_none)
+
+    @property
+    def reference_nodes(self):
+        """The reference node (k,) of each rigid link."""
+        return self.frames[self.link_rotations]
 
     @property
     def arms(self):
-        """Rigid links (k,3) m from the node of the carrier to the rider in the reference configuration."""
-        return self.nodes[self.riders] - self.nodes[self.frames[self.carriers]]
+        """Rigid links (k,3) m from reference to dependent node in the reference configuration."""
+        return self.nodes[self.dependent_nodes] - self.nodes[self.reference_nodes]
 
     @property
     def unturned(self):

@@ -109,7 +109,7 @@ class StructuralModel:
         beams = self.tubes_at(self.scene.structure.tube_pressure)
         clamped = np.zeros((len(w.frames), 3), dtype=bool)
         groups = (*m.chains, beams, *m.bending)
-        return Structure(m.nodes, m.fixed, groups, loaded, w.frames, clamped, w.riders, w.carriers)
+        return Structure(m.nodes, m.fixed, groups, loaded, w.frames, clamped, w.dependent_nodes, w.link_rotations)
 
     # Loads
 

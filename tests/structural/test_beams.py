@@ -1,4 +1,4 @@
-"""Co-rotational beams: gradients, objectivity, whole assemblies with riders, hinges, and the solver that they meet."""
+"""Co-rotational beams: gradients, objectivity, assemblies with rigid links, hinges, and the solver that they meet."""
 
 from dataclasses import dataclass, replace
 
@@ -145,7 +145,7 @@ def _wobbled(assembly, rng, size):
 
 
 @pytest.mark.parametrize("symmetric", [False, True], ids=["full", "half"])
-def test_tangent_of_a_frame_with_riders_and_all_loads_is_the_gradient_but_for_spins_of_moments_out_of_balance(
+def test_tangent_of_a_frame_with_rigid_links_and_all_loads_is_the_gradient_but_for_spins_of_moments_out_of_balance(
     symmetric,
 ):
     s, loads = frame()
@@ -199,7 +199,7 @@ def _arguments(at, prepared):
     return q, prepared, rotations
 
 
-def test_half_of_a_mirrored_frame_with_riders_has_the_solution_of_the_whole():
+def test_half_of_a_mirrored_frame_with_rigid_links_has_the_solution_of_the_whole():
     s, loads = frame()
     mirror = mirror_of_frame()
     whole, half = (equilibrium(Assembly(s, m), loads, s.nodes, atol=1e-9) for m in (None, mirror))
@@ -212,12 +212,12 @@ def test_half_of_a_mirrored_frame_with_riders_has_the_solution_of_the_whole():
     assert half.x[mirror] * [1, -1, 1] == pytest.approx(half.x, abs=1e-15)  # a copy
 
 
-def test_riders_stay_where_they_are_in_the_frame_of_their_carrier():
+def test_dependent_nodes_stay_where_they_are_in_the_frame_of_their_reference_node():
     s, loads = frame()
     found = equilibrium(Assembly(s), loads, s.nodes, atol=1e-9)
-    at = found.x[s.frames[s.carriers]]
-    arms = np.einsum("kij,kj->ki", found.rotations[s.carriers], s.arms)
-    assert found.x[s.riders] == pytest.approx(at + arms, abs=1e-14)  # rounding
+    at = found.x[s.reference_nodes]
+    arms = np.einsum("kij,kj->ki", found.rotations[s.link_rotations], s.arms)
+    assert found.x[s.dependent_nodes] == pytest.approx(at + arms, abs=1e-14)  # rounding
     assert np.abs(arms - s.arms).max() > 0.01  # m: they have turned
 
 
@@ -259,7 +259,7 @@ PROBLEMS = {
     "rolled by a moment": lambda: _loaded_cantilever(_rolled),
     "bent and twisted": lambda: _loaded_cantilever(_bent_and_twisted),
     "tube near collapse": lambda: _loaded_cantilever(_nearly_collapsed),
-    "frame with riders": _loaded_frame,
+    "frame with rigid links": _loaded_frame,
 }
 
 
@@ -346,7 +346,7 @@ def test_beams_that_share_a_frame_carry_the_moment():
     assert found.x[4, 1] == pytest.approx(force * 8.0 / 192.0, rel=1e-4)  # F L^3 / 192 EI, clamped at both ends
 
 
-def test_a_rider_carries_its_force_to_the_frame_with_the_moment_of_its_turned_arm():
+def test_a_rigid_link_transfers_the_force_to_the_reference_node_with_the_moment_of_its_turned_arm():
     n = 4
     nodes = np.concatenate([straight(n), [[1.0, 0.0, 0.3]]])
     base = cantilever(straight(n), LinearSection.of(n, 1e4, 1.0, 1.0))
@@ -354,8 +354,8 @@ def test_a_rider_carries_its_force_to_the_frame_with_the_moment_of_its_turned_ar
         base,
         nodes=nodes,
         fixed=np.concatenate([base.fixed, np.zeros((1, 3), dtype=bool)]),
-        riders=np.array([n + 1]),
-        carriers=np.array([n]),
+        dependent_nodes=np.array([n + 1]),
+        link_rotations=np.array([n]),
     )
     force = np.array([0.2, 0.8, -0.4])
     dead = np.zeros_like(nodes)
