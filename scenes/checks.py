@@ -3,7 +3,7 @@
 import numpy as np
 
 from interface.mirror import MIRROR, mirror_permutation
-from structural.dofs import frame_images
+from structural.dofs import rotation_images
 
 MISFIT = 0.05  # part of the rest length
 TOGETHER = 1e-6  # m, as for mirror images
@@ -37,13 +37,13 @@ def asymmetry(members, groups):
     odd = np.flatnonzero(np.any(members.fixed != members.fixed[image], axis=1))
     if len(odd):
         return f"nodes {labels[odd[0]]} and {labels[image[odd[0]]]} are not held alike"
-    frames = np.zeros(0, dtype=int) if members.wing is None else members.wing.frames
+    rotation_nodes = np.zeros(0, dtype=int) if members.wing is None else members.wing.rotation_nodes
     try:
-        turned = frame_images(frames, image)
+        rotations = rotation_images(rotation_nodes, image)
     except ValueError:
-        return "a tube end that turns has no mirror image"
+        return "the rotation of a tube end has no mirror image"
     for group in groups:
-        rows = group.images(image, turned)
+        rows = group.images(image, rotations)
         if np.any(rows < 0):
             return f"element {group.label(int(np.argmin(rows)))} has no mirror image"
         for what, values in group.properties().items():

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from interface.mirror import mirror_permutation, mirror_rows, unique_half
 from interface.vectors import spin, turned
 
-from .dofs import RigidLinks, Unknowns, frame_images, unknowns
+from .dofs import RigidLinks, Unknowns, rotation_images, unknowns
 from .elements import Configuration, ElementGroup, translations
 from .loads import LoadGroup
 from .loads.surface import SurfaceElements
@@ -119,15 +119,15 @@ class _OnSurface(_LoadedElements):
 class Assembly:
     """Residual (q,) and tangent (q,q) of a structure in its unknowns, for changing positions, rotations and loads.
 
-    Forces N and moments N m, per m and per rad. The unknowns are q for positions; rotations (r,3,3) of the frames, None
-    where there are none, go beside them, and `moved` makes both from a step.
+    Forces N and moments N m, per m and per rad. The unknowns are q for positions; nodal rotations (r,3,3), None where
+    there are none, go beside them, and `moved` makes both from a step.
     """
 
     def __init__(self, structure: Structure, mirror: np.ndarray | None = None):
         self.structure, self._mirror = structure, mirror
         free = np.array(~structure.fixed.all(axis=1))
         free[structure.dependent_nodes] = False
-        free[structure.frames[~structure.clamped.all(axis=1)]] = True
+        free[structure.rotation_nodes[~structure.fixed_rotations.all(axis=1)]] = True
         order = elimination_order(_couplings(structure, mirror), free)
         self.unknowns: Unknowns = unknowns(structure, mirror, order)
         linked = len(structure.dependent_nodes) > 0
@@ -139,7 +139,7 @@ class Assembly:
         """Rows of elements that are solved for, and how often each counts."""
         if self._mirror is None:
             return np.arange(len(group)), np.ones(len(group))
-        images = group.images(self._mirror, frame_images(self.structure.frames, self._mirror))
+        images = group.images(self._mirror, rotation_images(self.structure.rotation_nodes, self._mirror))
         if np.any(images < 0):
             lone = group.label(int(np.argmax(images < 0)))
             raise ValueError(f"element {lone} has no mirror image although the structure is to be halved.")
@@ -177,7 +177,7 @@ class Assembly:
                 on_surface = SurfaceElements(part.nodes, weight, group.weights, u)
                 entries.append(on_surface.stiffness_entries())
                 loaded.append((rows, group, part, on_surface))
-        spins = translations(n + np.arange(len(s.frames))[:, None])  # for the skew part of applied moments
+        spins = translations(n + np.arange(len(s.rotation_nodes))[:, None])  # for the skew part of applied moments
         blocks.append((spins, np.ones(len(spins))))
         blocks.append((translations(np.arange(n)[:, None]), np.ones(n)))  # for masses with directions
         places = Pattern(u.count, [(u.index[d], u.sign[d], weight) for d, weight in blocks], [e[:2] for e in entries])
@@ -238,8 +238,9 @@ class Assembly:
         return on, dead, skew
 
     def start(self, rotations=None):
-        """Rotations (r,3,3) to begin with: given ones, or those of the reference configuration; None without frames."""
-        return self.structure.unturned if rotations is None or not len(self.structure.frames) else rotations
+        """Nodal rotations (r,3,3) to begin with: given ones, or those of the reference configuration; None without."""
+        initial = self.structure.initial_rotations
+        return initial if rotations is None or initial is None else rotations
 
     def moved(self, q, rotations, step):
         """Unknowns and rotations after a `step` (q,), m and rad."""
@@ -321,7 +322,7 @@ class Assembly:
         """Residual (q,) N with dampers and drag at node positions x m and velocities v m/s, (n,3) each; the data of its
         derivatives by positions N/m and by velocities N s/m, to be filled in by `matrix`; the norm of external forces.
 
-        For structures without frames. `isotropic` see `ElementGroup.damping_forces_and_tangents`.
+        For structures without rotational dofs. `isotropic` see `ElementGroup.damping_forces_and_tangents`.
         """
         at = Configuration(x, None, v)
         internal, external, data, rates = self._evaluated(at, prepared)

@@ -16,7 +16,8 @@ from interface.vectors import cross, spin
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """Positions x = base + sign * q[index] where index >= 0, so that x.flat = expand(q); then the spins of the frames.
+    """Positions x = base + sign * q[index] where index >= 0, so that x.flat = expand(q); then the spins (rotation
+    increments) of the nodal rotations.
 
     Without symmetry `index` counts the free dofs. With it only the half y >= 0 is unknown: the other half follows with
     the sign of y turned (of x and z for spins), and y = 0 in the plane itself is a consequence, not a support.
@@ -34,8 +35,8 @@ class Unknowns:
         return len(self.first)
 
     @property
-    def turning(self):
-        """Which unknowns are spins, (q,) bool."""
+    def rotational(self):
+        """Which unknowns are rotational dofs (spins), (q,) bool."""
         return self.first >= len(self.base)
 
     def expand(self, q):
@@ -51,15 +52,16 @@ class Unknowns:
         return dx.reshape(-1, 3)
 
     def spins(self, step):
-        """Spins (r,3) rad of the frames in a `step` (q,) of the unknowns."""
+        """Spins (r,3) rad of the nodal rotations in a `step` (q,) of the unknowns."""
         n = len(self.base)
         index = self.index[n:]
         return np.where(index >= 0, self.sign[n:] * step[index], 0.0).reshape(-1, 3)
 
     def restrict(self, x):
-        """Unknowns (q,) of node positions (n,3); zero for spins, which start wherever the frames are."""
-        turning = self.turning
-        return np.where(turning, 0.0, x.reshape(-1)[np.where(turning, 0, self.first)])
+        """Unknowns (q,) of node positions (n,3); zero for spins, which start from the present
+        rotations."""
+        rotational = self.rotational
+        return np.where(rotational, 0.0, x.reshape(-1)[np.where(rotational, 0, self.first)])
 
     def norm(self, r):
         """Euclidean norm over the free dofs of the whole structure of forces N and moments N m, from the generalised
@@ -70,7 +72,7 @@ class Unknowns:
         return float(np.sqrt(np.sum(r * r / self.shares)))
 
     def gather(self, f):
-        """Generalised forces (q,) of nodal forces (n,3), and of moments on frames where they follow, (n + r, 3)."""
+        """Generalised forces (q,) of nodal forces (n,3), and of nodal moments where they follow, (n + r, 3)."""
         f = f.reshape(-1)
         index = self.index[: len(f)]
         free = index >= 0
@@ -83,18 +85,18 @@ def unknowns(structure, mirror=None, order=None, with_dependents=False):
 
     Dependent nodes have none of their own, or, `with_dependents`, stand behind all others as if they were free.
     """
-    nodes, frames = structure.nodes, structure.frames
-    n, r = len(nodes), len(frames)
-    of_node = np.concatenate([np.arange(n), frames])
+    nodes, rotation_nodes = structure.nodes, structure.rotation_nodes
+    n, r = len(nodes), len(rotation_nodes)
+    of_node = np.concatenate([np.arange(n), rotation_nodes])
     dof = np.arange(3 * (n + r)).reshape(-1, 3)
     sign = np.ones((n + r, 3))
     master = dof.copy()
-    known = np.concatenate([structure.fixed, structure.clamped])
+    known = np.concatenate([structure.fixed, structure.fixed_rotations])
     dependent = np.zeros(n + r, dtype=bool)
     dependent[structure.dependent_nodes] = True
     known[dependent] = not with_dependents
     if mirror is not None:
-        image = np.concatenate([mirror, n + frame_images(frames, mirror)])
+        image = np.concatenate([mirror, n + rotation_images(rotation_nodes, mirror)])
         y = nodes[of_node, 1]
         other = (y < 0.0) | ((y == 0.0) & (image < np.arange(n + r)))
         in_plane = mirror[of_node] == of_node
@@ -117,16 +119,19 @@ def unknowns(structure, mirror=None, order=None, with_dependents=False):
     return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first, shares)
 
 
-def frame_images(frames, mirror):
-    """Frame (r,) at the mirror image of the node of each frame; several at one node pair in the order of their rows."""
+def rotation_images(rotation_nodes, mirror):
+    """Nodal rotation (r,) at the mirror image of the node of each; several at one node pair in the order of their rows.
+
+    `rotation_nodes` (r,) as in `Structure`, `mirror` (n,) the images of the nodes.
+    """
     places: dict[int, list[int]] = {}
-    for row, node in enumerate(frames.tolist()):
+    for row, node in enumerate(rotation_nodes.tolist()):
         places.setdefault(node, []).append(row)
     nth = {row: k for rows in places.values() for k, row in enumerate(rows)}
     try:
-        return np.array([places[mirror[node]][nth[row]] for row, node in enumerate(frames.tolist())], dtype=int)
+        return np.array([places[mirror[node]][nth[row]] for row, node in enumerate(rotation_nodes.tolist())], dtype=int)
     except (KeyError, IndexError):
-        raise ValueError("a frame has no mirror image although the structure is to be halved") from None
+        raise ValueError("a nodal rotation has no mirror image although the structure is to be halved") from None
 
 
 class RigidLinks:

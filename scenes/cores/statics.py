@@ -19,7 +19,7 @@ EASED = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Positions `x` (n,3) m and `rotations` (r,3,3) of the frames, None without any: where the next solve starts."""
+    """Positions `x` (n,3) m and nodal `rotations` (r,3,3), None without any: where the next solve starts."""
 
     x: np.ndarray
     rotations: np.ndarray | None
@@ -106,7 +106,7 @@ class Statics(Solver):
         return Shape(near.x, near.rotations) if near.converged else state
 
     def _holding(self, groups, loads, shape, held):
-        """Reactions of the held node and frame: what the free structure is out of balance by."""
+        """Reactions of the held node: what the free structure is out of balance by."""
         if not held:
             return {"holding_force": 0.0, "holding_moment": np.zeros(3)}
         free, r = self._free_residual(groups, loads, shape)

@@ -79,7 +79,7 @@ def _parameters(scene, model):
         text = f"dead load on each of the nodes {nodes}, in the directions of the scene's table"
         yield tunable(load.name, unit="N", start=load.start, description=text)
     if given.hold is not None:
-        text = "hold roll and yaw: side force and yawing moment on the frame of a node, reported as reactions"
+        text = "hold roll and yaw: side force and yawing moment on a node, reported as reactions"
         yield switch("hold_roll_and_yaw", description=text)
     if m.wing_mass.sum() > 0.0:
         text = "mass of springs and canopy together; their nodes' shares scale with it"

@@ -3,7 +3,7 @@
 import numpy as np
 
 from interface.mirror import MIRROR, canonical_chains, canonical_faces, mirror_permutation, mirror_rows
-from structural.dofs import frame_images
+from structural.dofs import rotation_images
 
 # What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
 # solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
@@ -20,16 +20,16 @@ def mirror_images(interface):
     return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
 
 
-def symmetric_groups(groups, mirror, frames):
+def symmetric_groups(groups, mirror, rotation_nodes):
     """Whether every element has a mirror image with the same properties, `mirror` (n,) being that of the nodes and
-    `frames` (r,) the node of each frame.
+    `rotation_nodes` (r,) the nodes of the nodal rotations.
     """
     try:
-        turned = frame_images(frames, mirror)
+        rotations = rotation_images(rotation_nodes, mirror)
     except ValueError:
         return False
     for group in groups:
-        rows = group.images(mirror, turned)
+        rows = group.images(mirror, rotations)
         if np.any(rows < 0) or any(np.any(a != a[rows]) for a in group.properties().values()):
             return False
     return True

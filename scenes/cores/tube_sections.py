@@ -10,7 +10,7 @@ def tube_beams(members, structure, law, pressure):
     tubes, nodes = members.wing.tubes, members.nodes
     l0 = np.linalg.norm(np.diff(nodes[tubes.ends], axis=1)[:, 0], axis=1)
     section = _section(tubes.radius, structure, law, pressure)
-    return Beams(tubes.ends, tubes.frames, reference_axes(nodes, tubes.ends), l0, section, tubes.names)
+    return Beams(tubes.ends, tubes.rotations, reference_axes(nodes, tubes.ends), l0, section, tubes.names)
 
 
 def _section(radius, structure, law, pressure):

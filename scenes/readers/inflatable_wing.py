@@ -44,7 +44,7 @@ class _Mesher:
         self.labels = list(labels)
         self.place = {label: i for i, label in enumerate(labels)}
         self.points = [np.array(p) for p in nodes]
-        self.frames: dict[tuple[int, str], int] = {}  # node, hinged tube or ""
+        self.rotations: dict[tuple[int, str], int] = {}  # node, hinged tube or "" -> nodal rotation
         self.beams: list[tuple[int, int, int, int, float, str]] = []
 
     def node(self, label, where):
@@ -63,8 +63,8 @@ class _Mesher:
         self.points.append(np.asarray(point, float))
         return self.place[label]
 
-    def frame(self, node, hinged=""):
-        return self.frames.setdefault((node, hinged), len(self.frames))
+    def rotation(self, node, hinged=""):
+        return self.rotations.setdefault((node, hinged), len(self.rotations))
 
     def ribs(self):
         """Leading and trailing edge nodes (ribs, 2) from the left tip to the right one."""
@@ -145,7 +145,7 @@ class _Mesher:
 
     def _attachments(self, tubes):
         """Tube -> nodes attached to it."""
-        self.links: list[tuple[int, int]] = []  # dependent node, frame of its reference node
+        self.links: list[tuple[int, int]] = []  # dependent node, nodal rotation of its reference node
         self.dependent: dict[int, str] = {}  # node -> the row that says so
         if not self.structure.attachments:
             return {}
@@ -186,9 +186,9 @@ class _Mesher:
         d0, d1 = diameters
         for k, ((f, a), (g, b)) in enumerate(pairwise(way)):
             radius = 0.5 * (d0 + 0.5 * (f + g) * (d1 - d0))
-            ends = [self.frame(n, label if n in hinges else "") for n in (a, b)]
+            ends = [self.rotation(n, label if n in hinges else "") for n in (a, b)]
             self.beams.append((a, b, *ends, radius, label if len(way) == 2 else f"{label}.{k + 1}"))
-        self.links += [(node, self.frame(ref, label if ref in hinges else "")) for node, ref in references]
+        self.links += [(node, self.rotation(ref, label if ref in hinges else "")) for node, ref in references]
 
     def finished(self):
         nodes = np.array(self.points)
@@ -203,11 +203,10 @@ class _Mesher:
         length = np.linalg.norm(np.diff(nodes[tubes.ends], axis=1)[:, 0], axis=1)
         tube_length = np.bincount(tubes.ends.reshape(-1), np.repeat(0.5 * length, 2), minlength=len(nodes))
         springs, canopy = self._canopy(nodes)
-        frames = np.array([node for node, _ in self.frames], dtype=int)
+        rotation_nodes = np.array([node for node, _ in self.rotations], dtype=int)
         links = np.array(self.links, dtype=int).reshape(-1, 2)
-        return WingMesh(
-            nodes, tuple(self.labels), self.grid, tubes, frames, links[:, 0], links[:, 1], springs, canopy, tube_length
-        )
+        mesh = nodes, tuple(self.labels), self.grid, tubes, rotation_nodes
+        return WingMesh(*mesh, links[:, 0], links[:, 1], springs, canopy, tube_length)
 
     def _canopy(self, nodes):
         """Springs of the fabric between the grid lines, and the fabric's mass at the nodes.

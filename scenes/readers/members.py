@@ -200,7 +200,7 @@ def check_connected(folder, structure, labels, fixed, elements, wing):
     if wing is not None:
         held[wing.tubes.ends] += 2.0
         held[wing.dependent_nodes] += 2.0
-        links = zip(wing.dependent_nodes, wing.frames[wing.link_rotations], strict=True)
+        links = zip(wing.dependent_nodes, wing.rotation_nodes[wing.link_rotations], strict=True)
         joined += [*map(tuple, wing.tubes.ends), *links]
     for n, label in enumerate(labels):
         if held[n] == 0.0 and not fixed[n].all():

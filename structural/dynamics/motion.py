@@ -78,11 +78,11 @@ class Mass:
 
 
 class Motion:
-    """M a + f_int(x, v) - f_ext(x, v, t) = 0 for the free nodes of an assembly without frames.
+    """M a + f_int(x, v) - f_ext(x, v, t) = 0 for the free nodes of an assembly without rotational dofs.
 
     `mass` (n,) kg on the nodes, or (n,3,3) where inertia has a direction as that of the air around a wing; `loads`;
     `groups` the elements with their damping (None: those of the structure); each is constant or a function of the time.
-    ValueError in one sentence for a free node without mass, negative masses, and structures with frames.
+    ValueError in one sentence for a free node without mass, negative masses, and structures with rotational dofs.
     """
 
     def __init__(
@@ -92,8 +92,10 @@ class Motion:
         loads: Callable[[float], Loads] | Loads,
         groups: Callable[[float], Sequence[ElementGroup]] | Sequence[ElementGroup] | None = None,
     ):
-        if len(assembly.structure.frames):
-            raise ValueError("nodes that turn (beams) have no place in a particle system; leave the beams out.")
+        if len(assembly.structure.rotation_nodes):
+            raise ValueError(
+                "nodes with rotational dofs (beams) have no place in a particle system; leave the beams out."
+            )
         self.assembly, self.unknowns = assembly, assembly.unknowns
         self._mass, mass_moves = _function(mass)
         self._loads, loads_move = _function(loads)

@@ -24,7 +24,8 @@ class StepProblem:
     def __init__(self, motion: Motion, system: StepSystem, begin: np.ndarray, at: Configuration):
         self._motion, self._system, self._begin = motion, system, begin
         a = motion.assembly
-        self.turning, self.diagonal, self.norm, self._matrix = a.unknowns.turning, a.diagonal, a.unknowns.norm, a.matrix
+        self.rotational, self.diagonal = a.unknowns.rotational, a.diagonal
+        self.norm, self._matrix = a.unknowns.norm, a.matrix
         self.stiffest = stiffest(motion.groups(system.t), at)
         self._mass: Mass = motion.mass(system.t)
         self.scale: float | None = None  # norm N of forces and inertia of the first guess

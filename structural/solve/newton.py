@@ -15,8 +15,8 @@ SMALLEST_SHIFT = 1e-12
 SOFTEST = 1e-6
 # Steps refused one after the other, and cuts of one step, before giving up.
 MOST_REJECTIONS, MOST_CUTS = 30, 12
-# Largest turn of a frame in one Newton step, rad.
-TURN_LIMIT = 0.5
+# Largest nodal rotation in one Newton step, rad.
+ROTATION_LIMIT = 0.5
 # After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
 SHORT_STEPS, BURST = 3, 10
 
@@ -24,11 +24,11 @@ EPS = float(np.finfo(float).eps)
 
 
 class Problem(Protocol):
-    """Equations r(u) = 0 of `turning.size` unknowns. Where the unknowns are is the problem's own business: the engine
-    hands back what `moved` gave it.
+    """Equations r(u) = 0 of `rotational.size` unknowns. Where the unknowns are is the problem's own business: the
+    engine hands back what `moved` gave it.
     """
 
-    turning: np.ndarray  # which unknowns are spins, (q,) bool; the others are m
+    rotational: np.ndarray  # which unknowns are rotational dofs (spins), (q,) bool; the others are m
     diagonal: np.ndarray  # places of the diagonal in the data of the tangent, (q,)
     stiffest: float  # stiffness N/m of the stiffest element, see `ElementGroup.stiffness`
 
@@ -48,7 +48,7 @@ class Newton:
     Whole Newton steps come first and are kept as long as each burst of them lowers the residual. Otherwise steps of
     K + mu S, S the mean stiffness: the shift mu is tied to the residual and adapts to how well the step did
     (Levenberg-Marquardt), and a step is shortened until the out-of-balance force along it no longer grows. No step
-    moves an unknown by more than `step_limit` m, or turns a frame by more than TURN_LIMIT.
+    moves an unknown by more than `step_limit` m, or rotates a node by more than ROTATION_LIMIT.
 
     Converged is ||r|| <= atol + rtol ||external||.
     """
@@ -168,18 +168,19 @@ class Newton:
                 step = -self.r / scale
                 break
             mu = max(10.0 * mu, 1e-6)
-        turning = self.problem.turning
-        turn = float(np.abs(step[turning]).max(initial=0.0))
-        shift = float(np.abs(step[~turning]).max(initial=0.0))
-        return step / max(1.0, shift / self.step_limit, turn / TURN_LIMIT)
+        rotational = self.problem.rotational
+        angle = float(np.abs(step[rotational]).max(initial=0.0))
+        distance = float(np.abs(step[~rotational]).max(initial=0.0))
+        return step / max(1.0, distance / self.step_limit, angle / ROTATION_LIMIT)
 
     def _scale(self):
-        """Mean stiffness of the translations, N/m; where there are spins, of each kind for its own unknowns (q,)."""
-        diagonal, turning = self._diagonal(), self.problem.turning
-        if not turning.any():
+        """Mean stiffness of the translations, N/m; where there are rotational dofs, of each kind for its own unknowns
+        (q,)."""
+        diagonal, rotational = self._diagonal(), self.problem.rotational
+        if not rotational.any():
             return self._mean(diagonal)
         scale = np.empty_like(diagonal)
-        for kind in (turning, ~turning):
+        for kind in (rotational, ~rotational):
             scale[kind] = self._mean(diagonal[kind])
         return scale
 

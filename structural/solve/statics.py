@@ -28,7 +28,7 @@ SHIFT = 1e-12
 class Equilibrium:
     """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N met on the way (also
     with softened lines), in how many directions the converged equilibrium is unstable under its loads (0: it is
-    stable), and the `rotations` (r,3,3) of the frames, None without any. The norm takes moments in N m beside forces in
+    stable), and the nodal `rotations` (r,3,3), None without any. The norm takes moments in N m beside forces in
     N.
     """
 
@@ -55,7 +55,8 @@ class StaticProblem:
 
     def __init__(self, assembly: Assembly, prepared: Prepared, groups: Sequence[ElementGroup]):
         self._assembly, self._prepared = assembly, prepared
-        self.turning, self.diagonal, self.norm = assembly.unknowns.turning, assembly.diagonal, assembly.unknowns.norm
+        unknowns = assembly.unknowns
+        self.rotational, self.diagonal, self.norm = unknowns.rotational, assembly.diagonal, unknowns.norm
         self.stiffest = stiffest(groups, assembly.structure.reference)
 
     def residual_and_tangent(self, at):
@@ -145,7 +146,7 @@ class LoadSensitivity:
 
     r(q, f) = f_int(q) - f_ext(q, f) = 0 at every load, so that K dq = (df_ext/df) df with the consistent tangent K of
     elements, links and follower loads. `x` (n,3) m and `rotations` (r,3,3) are the equilibrium, found by
-    `equilibrium`; `reaction` (r,3) N m are the moments that hold clamped frames, which stiffen their other axes.
+    `equilibrium`; `reaction` (r,3) N m are the reactions of fixed rotations, which stiffen their other axes.
     No shift, softening or damping is in it, but where K is exactly singular: directions without any stiffness then
     get (nearly) no displacement, as in the steps of the solver.
     """

@@ -56,9 +56,9 @@ def frame():
     right, plane = np.array(list(_RIGHT.values())), np.array(list(_PLANE.values()))
     nodes = np.concatenate([right, plane, right * MIRROR])
     n = len(nodes)
-    frames = _at("A", "B", "C", "D", "E", "F", "-B", "-C", "-D", "-E")
+    rotation_nodes = _at("A", "B", "C", "D", "E", "F", "-B", "-C", "-D", "-E")
     of_node = np.full(n, -1)
-    of_node[frames] = np.arange(len(frames))
+    of_node[rotation_nodes] = np.arange(len(rotation_nodes))
 
     def beams(ends, section, across=None):
         l0 = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
@@ -82,10 +82,10 @@ def frame():
     rows = [[corner[c] for c in p] for p in panels] + [[corner[c] for c in (p[0], p[3], p[2], p[1])] for p in other]
     fixed = np.zeros((n, 3), dtype=bool)
     fixed[_at("A", "P")] = True
-    clamped = np.zeros((len(frames), 3), dtype=bool)
+    fixed_rotations = np.zeros((len(rotation_nodes), 3), dtype=bool)
     s = Structure(
         nodes, fixed, (springs, ropes, tubes, bars), interface_groups(surface, np.array(rows), lines),
-        frames, clamped, dependent_nodes, link_rotations,
+        rotation_nodes, fixed_rotations, dependent_nodes, link_rotations,
     )  # fmt: skip
     image = mirror_of_frame()
     dead = np.zeros((n, 3))
@@ -97,7 +97,7 @@ def frame():
         (-1.0, 0, 3.0),
     ]
     dead = np.where(dead == 0.0, dead[image] * MIRROR, dead)
-    moment = np.zeros((len(frames), 3))
+    moment = np.zeros((len(rotation_nodes), 3))
     moment[[1, 2, 4]] = [(1.0, -2.0, 0.5), (0.5, 1.0, -1.0), (1.0, 1.0, 0.5)]
     moment[[6, 7, 9]] = -moment[[1, 2, 4]] * MIRROR  # the image of an axial vector
     moment[0] = (0.0, 2.0, 0.0)

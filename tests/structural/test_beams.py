@@ -165,7 +165,7 @@ def test_tangent_of_a_frame_with_rigid_links_and_all_loads_is_the_gradient_but_f
         slope = central_difference(stepped, np.zeros(len(q)))
         skew = np.zeros_like(slope)
         u = assembly.unknowns
-        for dofs in np.split(3 * len(s.nodes) + np.arange(3 * len(s.frames)), len(s.frames)):
+        for dofs in np.split(3 * len(s.nodes) + np.arange(3 * len(s.rotation_nodes)), len(s.rotation_nodes)):
             index, sign = u.index[dofs], u.sign[dofs]
             keep = np.flatnonzero((index >= 0) & (u.first[index] == dofs))  # not the images of others
             moment = np.zeros(3)
@@ -189,8 +189,8 @@ def test_tangent_in_equilibrium_under_moments_is_the_gradient_of_the_residual():
     )
     assert found.converged
     assert k.toarray() == pytest.approx(slope, abs=TANGENT_TOLERANCE * np.abs(slope).max())
-    turning = assembly.unknowns.turning
-    skew = (k - k.T).toarray()[np.ix_(turning, turning)]
+    rotational = assembly.unknowns.rotational
+    skew = (k - k.T).toarray()[np.ix_(rotational, rotational)]
     assert np.abs(skew).max() > 0.5  # applied moments of some N m have no energy about fixed axes
 
 
@@ -249,7 +249,7 @@ def _loaded_frame():
 def _loaded_cantilever(case):
     s, how = case()
     found = tip_loaded(s, atol=1e-9, **how)
-    dead, moment = np.zeros_like(s.nodes), np.zeros((len(s.frames), 3))
+    dead, moment = np.zeros_like(s.nodes), np.zeros((len(s.rotation_nodes), 3))
     dead[-1], moment[-1] = how.get("force", 0.0), how.get("moment", 0.0)
     return Assembly(s), s.groups, Loads(dead, moment=moment), found
 
@@ -281,11 +281,11 @@ def test_a_newton_step_from_near_the_solution_squares_the_distance_to_it(problem
     _, k, _ = assembly.residual_and_tangent(at[0], prepared, at[1])
     direction = np.linalg.solve(k.toarray(), np.random.default_rng(3).normal(size=len(at[0])))
     direction /= np.abs(direction).max()
-    moving = ~assembly.unknowns.turning
+    translational = ~assembly.unknowns.rotational
     left = []
     for size in (3e-4, 1e-4):  # m and rad
         q, rotations = _newton(assembly, prepared, assembly.moved(*at, size * direction))
-        left.append(max(np.abs(q - at[0])[moving].max(), np.abs(rotations - at[1]).max()))
+        left.append(max(np.abs(q - at[0])[translational].max(), np.abs(rotations - at[1]).max()))
     # 2 or, where the quadratic terms of these directions are stiff ones, more: found are 2.0 to 3.2
     assert np.log(left[0] / left[1]) / np.log(3.0) >= 1.9
     assert left[1] <= 1e-6  # and the constant is of order one, for tubes near collapse some tens
@@ -311,15 +311,14 @@ def _two_halves(hinged, force):
     n = 9
     nodes = straight(8, 2.0)
     ends = np.stack([np.arange(8), np.arange(1, 9)], axis=1)
-    frames = np.append(np.arange(n), 4) if hinged else np.arange(n)  # the middle node has one for each beam
+    rotation_nodes = np.append(np.arange(n), 4) if hinged else np.arange(n)  # the middle node has one for each beam
     of_end = ends.copy()
     if hinged:
         of_end[4, 0] = n
     beams = Beams(ends, of_end, reference_axes(nodes, ends), np.full(8, 0.25), LinearSection.of(8, 1e3, 1.0, 1.0))
     fixed = np.zeros((n, 3), dtype=bool)
     fixed[[0, 8]] = True
-    clamped = fixed[frames]
-    s = Structure(nodes, fixed, (beams,), frames=frames, clamped=clamped)
+    s = Structure(nodes, fixed, (beams,), rotation_nodes=rotation_nodes, fixed_rotations=fixed[rotation_nodes])
     dead = np.zeros_like(nodes)
     dead[4, 1] = force
     return s, equilibrium(Assembly(s), Loads(dead), nodes, atol=1e-11)
@@ -340,7 +339,7 @@ def test_beams_that_meet_in_a_hinge_carry_no_moment_through_it():
     assert slope == pytest.approx([0.25 * force, -0.25 * force], rel=1e-4)  # F / 2 times L^2 / 2 EI: a kink
 
 
-def test_beams_that_share_a_frame_carry_the_moment():
+def test_beams_that_share_a_nodal_rotation_carry_the_moment():
     force = 1e-3
     _, found = _two_halves(False, force)
     assert found.x[4, 1] == pytest.approx(force * 8.0 / 192.0, rel=1e-4)  # F L^3 / 192 EI, clamped at both ends
