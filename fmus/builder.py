@@ -128,7 +128,7 @@ def _unused(scene: Scene, side: str) -> tuple[str, ...]:
         return ("structural/", *(f"scenes/cores/{name}" for name in cores))
     flow = "aero/vortex_step/", "scenes/cores/flow"
     motion = "structural/dynamics/", "scenes/cores/transient"
-    return ("structural/solve/pardiso", *flow, *(("scenes/cores/statics",) if scene.moves else motion))
+    return ("structural/solve/pardiso", *flow, *(("scenes/cores/statics",) if scene.transient else motion))
 
 
 def archive(

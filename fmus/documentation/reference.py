@@ -11,7 +11,7 @@ from fmus.description import scalar_names
 from interface import StepFailed, Variable
 from scenes import Scene
 
-STEPS = 5  # communication steps: of 1 s, or what a scene of motion usually takes
+STEPS = 5  # communication steps: of 1 s, or the usual one of a transient scene
 # To compare with on another machine. Rounding and the solvers' tolerances move results by some 1e-11 of a variable.
 RELATIVE = ABSOLUTE = 1e-6
 SOLVERS = ("residual", "newton_iterations")  # how a solver got there, no result: other on every machine

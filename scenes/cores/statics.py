@@ -1,4 +1,4 @@
-"""The structural solver of a scene at rest: loads in, interface displacements out."""
+"""The structural solver of a quasi-static scene: loads in, interface displacements out."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The structure of a scene in motion: loads in, displacements and velocities out, integrated step by step."""
+"""The structural solver of a transient scene: loads in, displacements and velocities out, integrated step by step."""
 
 from dataclasses import dataclass, field, replace
 
@@ -21,8 +21,8 @@ ENERGIES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Moving:
-    """All nodes in motion: positions `x` m, velocities `v` m/s and accelerations `a` m/s^2, (n,3) each, what a two-step
+class TransientState:
+    """State of all nodes: positions `x` m, velocities `v` m/s and accelerations `a` m/s^2, (n,3) each, what a two-step
     scheme keeps of the step before (`past`: its size s, positions and velocities then), the `loads` at the end of the
     last step, and of each tape its rest length m then and the parameter m that it belonged to.
     """
@@ -70,7 +70,7 @@ class Transient(Solver):
     the rest lengths of tapes and reels.
     """
 
-    refuses_derivatives = "a structure in motion has no directional derivatives; use a scheme that needs none."
+    refuses_derivatives = "a transient structure has no directional derivatives; use a scheme that needs none."
 
     def __init__(self, scene):
         if scene.members.wing is not None:
@@ -95,7 +95,7 @@ class Transient(Solver):
     def begin(self, values):
         """See Solver."""
         x, _ = self.model.start(values)
-        state = Moving(x, np.zeros_like(x), np.zeros_like(x), lengths=self._lengths(values))
+        state = TransientState(x, np.zeros_like(x), np.zeros_like(x), lengths=self._lengths(values))
         return Result(self._shown(values, state), state)
 
     def _lengths(self, values):
@@ -239,7 +239,7 @@ class Transient(Solver):
         """The state of all nodes from that of the unknowns."""
         u = motion.unknowns
         past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.moves(end.past[2]))
-        return Moving(motion.positions(end.q), u.moves(end.v), u.moves(end.a), past, loads, lengths)
+        return TransientState(motion.positions(end.q), u.moves(end.v), u.moves(end.a), past, loads, lengths)
 
     @staticmethod
     def _balance(values, motion, begin):
