@@ -298,9 +298,9 @@ class Assembly:
             return external
         return self._links.forces(external, self._links.factors(at.rotations)[0])
 
-    def moves(self, step, rotations=None):
+    def displacements(self, step, rotations=None):
         """Displacements (n,3) m of all nodes in a small `step` (q,): the derivative of `positions`."""
-        dx = self.unknowns.moves(step)
+        dx = self.unknowns.displacements(step)
         if self._links is not None:
             self._links.displace(dx, self.unknowns.spins(step), self.start(rotations))
         return dx

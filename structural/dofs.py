@@ -27,7 +27,7 @@ class Unknowns:
     sign: np.ndarray  # (3n + 3r,) +-1
     base: np.ndarray  # (3n,) m, known positions
     first: np.ndarray  # (q,) the dof that stands for each unknown
-    shares: np.ndarray  # (q,) how many dofs each unknown moves: 2 with a mirror image, else 1
+    shares: np.ndarray  # (q,) how many dofs each unknown stands for: 2 with a mirror image, else 1
 
     @property
     def count(self):
@@ -41,9 +41,9 @@ class Unknowns:
 
     def expand(self, q):
         """Node positions (n,3) from the unknowns (q,)."""
-        return self.base.reshape(-1, 3) + self.moves(q)
+        return self.base.reshape(-1, 3) + self.displacements(q)
 
-    def moves(self, step):
+    def displacements(self, step):
         """Displacements (n,3) m of the nodes in a `step` (q,) of the unknowns."""
         index = self.index[: len(self.base)]
         free = index >= 0

@@ -127,12 +127,12 @@ class Transient(Solver):
         vary = state.loads is not None and bool(values["loads_vary"])
         air = self._air_mass(values, state.x)
         if first and bool(values["start_in_equilibrium"]):
-            state = self._settled(values, state, now)
+            state = self._start_in_equilibrium(values, state, now)
         window = Window(dt, (state.loads if vary else now, now), lengths, air)
         motion, symmetric = self._motion(values, state, window)
         begin = self._restricted(motion, state)
         if first or not vary:
-            begin = motion.again(begin)
+            begin = motion.restarted(begin)
         result = integrate(
             motion, begin, dt, self._integrator(values), float(values["longest_step"]),
             atol=float(values["solver_tolerance"]), energy=self._balance(values, motion, begin),
@@ -238,8 +238,10 @@ class Transient(Solver):
     def _expanded(motion, end, loads, lengths):
         """The state of all nodes from that of the unknowns."""
         u = motion.unknowns
-        past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.moves(end.past[2]))
-        return TransientState(motion.positions(end.q), u.moves(end.v), u.moves(end.a), past, loads, lengths)
+        past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.displacements(end.past[2]))
+        return TransientState(
+            motion.positions(end.q), u.displacements(end.v), u.displacements(end.a), past, loads, lengths
+        )
 
     @staticmethod
     def _balance(values, motion, begin):
@@ -247,7 +249,7 @@ class Transient(Solver):
         sums = {k: float(values[name]) for name, k in ENERGIES.items() if k not in ("kinetic", "elastic")}
         return Balance(motion.kinetic_energy(begin), motion.elastic_energy(begin), **sums)
 
-    def _settled(self, values, state, loads):
+    def _start_in_equilibrium(self, values, state, loads):
         """The state at rest in equilibrium under the loads."""
         groups = self.model.groups(values)
         symmetric = self.model.symmetric(values, groups, (loads,), state.x)

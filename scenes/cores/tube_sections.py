@@ -31,6 +31,6 @@ def tube_state(x, rotations, beams, radius):
     """
     force = section_forces(x, rotations, beams)
     natural = natural_deformations(x, rotations, beams)
-    full = beams.section.fullness(force)
+    full = beams.section.utilisation(force)
     bend = np.linalg.norm(natural[:, 3:5] - natural[:, 1:3], axis=1) / beams.l0
     return full, np.abs(force[:, 0]) / beams.section.EA + bend * radius

@@ -97,10 +97,10 @@ class Motion:
                 "nodes with rotational dofs (beams) have no place in a particle system; leave the beams out."
             )
         self.assembly, self.unknowns = assembly, assembly.unknowns
-        self._mass, mass_moves = _function(mass)
-        self._loads, loads_move = _function(loads)
+        self._mass, mass_varies = _function(mass)
+        self._loads, loads_vary = _function(loads)
         self._groups, self.elements_change = _function(assembly.structure.groups if groups is None else groups)
-        self._constant = not (mass_moves or loads_move or self.elements_change)
+        self._constant = not (mass_varies or loads_vary or self.elements_change)
         self._at: tuple[float, Any] | None = None
 
     def mass(self, t: float) -> "Mass":
@@ -127,7 +127,7 @@ class Motion:
         speed = np.zeros_like(q) if v is None else self.unknowns.restrict(np.asarray(v, float))
         return State(t, q, speed, self.acceleration(q, speed, t))
 
-    def again(self, state: State) -> State:
+    def restarted(self, state: State) -> State:
         """The state after loads or elements have jumped: with the acceleration that they give now, and no past."""
         return State(state.t, state.q, state.v, self.acceleration(state.q, state.v, state.t))
 
@@ -151,7 +151,7 @@ class Motion:
 
     def velocities(self, v) -> np.ndarray:
         """Node velocities (n,3) m/s."""
-        return self.unknowns.moves(v)
+        return self.unknowns.displacements(v)
 
     def evaluated(self, q, v, t, isotropic=False):
         """Residual f_int - f_ext (u,) N, data of its derivatives by q and by v (None: zero), norm of f_ext N."""
