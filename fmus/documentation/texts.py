@@ -24,14 +24,14 @@ result does not depend on the size of a step.</p>
 <table><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
 {interface}
 </table>
-<p>{naming} Inputs start at what the model description says; outputs are right from the initialisation on.</p>
+<p>{naming} Inputs start at what the model description says; outputs are right from initialization mode on.</p>
 <h2>Parameters</h2>
 <table><tr><th>name</th><th>shape</th><th>unit</th><th>start</th><th>min</th><th>max</th><th>variability</th>
 <th>description</th></tr>
 {parameters}
 </table>
-<p>A tunable parameter may be set at any time, a fixed one before the first step only: before or during the
-initialisation. Where there is no bound there is a dash; values outside are refused.</p>
+<p>A tunable parameter may be set at any time, a fixed one until initialization mode is
+left. Where there is no bound there is a dash; values outside are refused.</p>
 <h2>Other outputs</h2>
 <table><tr><th>name</th><th>shape</th><th>unit</th><th>description</th></tr>
 {outputs}
@@ -39,7 +39,7 @@ initialisation. Where there is no bound there is a dash; values outside are refu
 {scene}{reference}<h2>Steps that fail, values that are refused, states</h2>
 <p>A step that the solver cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other
 inputs or restore a state, then step on.{discarded}</p>
-<p>A value that is not finite or out of bounds, an output, a fixed parameter after the initialisation, a variable that
+<p>A value that is not finite or out of bounds, an output, a fixed parameter after initialization mode, a variable that
 is set as another type than its own and a call out of order are refused where they come: the call returns fmi2Error, the
 reason is logged (category logStatusError), the old value stays, and the next step is discarded once, for hosts that
 look at steps only. A vector that does not fit as a whole is refused by the next step. Reasons are logged unless the
@@ -180,7 +180,7 @@ TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design s
 pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the
 angle at which wind and weight leave no pitching moment in the wind given there. In another wind, or far from that
 angle, the first steps are further from equilibrium and may fail, or lead to another one. Give both FMUs the same
-value before they are initialised.</p>
+value before they are initialized.</p>
 """
 SIGNS = """<h2>Indices and signs</h2>
 <p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
