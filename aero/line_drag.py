@@ -68,7 +68,7 @@ class LinesInWind(AeroModel):
         drag, friction = float(values["line_normal_drag"]), float(values["line_friction"])
         return self._diameter, wind, flow.density, drag, friction, self._law
 
-    def remembers(self, values):
+    def history_dependent(self, values):
         """See AeroModel: inertia does."""
         return "added_mass_coefficient" in values and float(values["added_mass_coefficient"]) > 0.0
 
@@ -79,7 +79,7 @@ class LinesInWind(AeroModel):
             own = flow.velocity[self._lines].mean(axis=1)
             wind = wind - own
         load = line_loads(ends, *self._air(flow, values, wind))
-        if self.remembers(values) and flow.dt > 0.0 and state is not None:
+        if self.history_dependent(values) and flow.dt > 0.0 and state is not None:
             coefficient = float(values["added_mass_coefficient"])
             acceleration = (own - state) / flow.dt
             load = load - line_inertia(ends, self._diameter, acceleration, flow.density, coefficient)

@@ -212,7 +212,7 @@ class Scene:
         """What looks odd in the structure with these parameters: elements far off their rest length in the design
         shape, and the first thing that breaks its symmetry ("" if nothing does).
         """
-        from .checks import asymmetry, misfits
+        from .checks import asymmetry, prestrained
         from .cores.structure import StructuralModel
 
         core, given = self.structural_core(), parameters or {}
@@ -220,7 +220,7 @@ class Scene:
             core.set(parameter, given[parameter])
         values = {block: core.get(block) for block in core.names}
         model = StructuralModel(self)
-        return misfits(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
+        return prestrained(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
 
     def trim_angle(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.

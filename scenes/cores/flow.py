@@ -145,10 +145,10 @@ class FlowSolver(Solver):
         return self._gusts(values).checked_speed(steady, at) if self._scene.transient else steady
 
     def must_step(self, values, state, t, dt):
-        """See Solver: where the wind is another, or a model remembers the step before."""
+        """See Solver: where the wind is another, or a model depends on the step before."""
         if self._scene.transient and self._speed(values, t + dt) != float(values["present_wind_speed"]):
             return True
-        return any(m.remembers(values) for m in self.models)
+        return any(m.history_dependent(values) for m in self.models)
 
     def repeated(self, values, state, first, t, dt):
         """See Solver."""
@@ -197,8 +197,8 @@ class FlowSolver(Solver):
     def derivative(self, values, state):
         """Of the loads along directions in the displacement, on the shape of the last step."""
         for model in self.models:
-            if model.remembers(values):
-                raise ValueError(f"{model.title} remembers the step before and has no directional derivatives.")
+            if model.history_dependent(values):
+                raise ValueError(f"{model.title} depends on the step before and has no directional derivatives.")
         flow = self._flow(values, float(values["wind_speed"]))
         along = [m.derivative(flow, values, kept) for m, kept in zip(self.models, state.models, strict=True)]
 

@@ -19,7 +19,7 @@ from structural import (
 )
 
 from .holding import held_place, held_structure
-from .memory import Remembered
+from .memoised import Memoised
 from .symmetry import mirror_images, symmetric_groups, symmetric_state
 from .tapes import Tapes
 from .tube_sections import tube_beams, tube_state
@@ -38,10 +38,10 @@ class StructuralModel:
         self.tapes, self.held = Tapes(scene), held_place(scene)
         self.mirror = mirror_permutation(self.members.nodes)
         self._assemblies: dict[tuple[bool, bool], Assembly] = {}
-        self._beams = Remembered(self._tube_beams)
-        self._chains = Remembered(self._tape_chains)
-        self._groups = Remembered(lambda chains, beams: (*chains, *beams, *self.members.bending))
-        self._symmetric = Remembered(self._symmetric_groups)
+        self._beams = Memoised(self._tube_beams)
+        self._chains = Memoised(self._tape_chains)
+        self._groups = Memoised(lambda chains, beams: (*chains, *beams, *self.members.bending))
+        self._symmetric = Memoised(self._symmetric_groups)
 
     # Elements
 

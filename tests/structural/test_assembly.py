@@ -279,6 +279,6 @@ def test_coincident_nodes_are_mirrored_one_to_one():
 def test_surface_that_is_not_mirror_symmetric_is_refused_for_the_half_model():
     s, _, mirror = random_mirrored(np.random.default_rng(8))
     panels = interface_groups(sp.csr_array(_surface(s)[:5]), s.load_groups["panels"].nodes[:1])
-    lopsided = Structure(s.nodes, s.fixed, s.groups, panels)
+    asymmetric = Structure(s.nodes, s.fixed, s.groups, panels)
     with pytest.raises(ValueError, match="not mirror-symmetric"):
-        Assembly(lopsided, mirror)
+        Assembly(asymmetric, mirror)
