@@ -32,23 +32,25 @@ class LinesInWind(AeroModel):
     """Drag of the `lines` (k,2) of an interface, of `diameter` (k,) m, in the wind minus their own velocity.
 
     `law` see `interface.line_drag`; `normal_drag` and `friction` are the start values of its coefficients, `about` says
-    in words about which point moments are. Where the interface `moves`, the air around the lines can have inertia,
-    from the change of velocity over the step: the state is that velocity (k,3) m/s.
+    in words about which point moments are. In a `transient` case the air around the lines can have inertia, from
+    the change of velocity over the step: the state is that velocity (k,3) m/s.
     """
 
     title = "the flow around lines alone"
 
-    def __init__(self, lines, diameter, law, normal_drag=NORMAL_DRAG, friction=FRICTION, about="origin", moves=False):
+    def __init__(
+        self, lines, diameter, law, normal_drag=NORMAL_DRAG, friction=FRICTION, about="origin", transient=False
+    ):
         self._lines, self._diameter, self._law = lines, diameter, law
-        self.variables = tuple(self._declared(normal_drag, friction, about, moves))
+        self.variables = tuple(self._declared(normal_drag, friction, about, transient))
 
-    def _declared(self, normal_drag, friction, about, moves):
+    def _declared(self, normal_drag, friction, about, transient):
         tunable = partial(Variable, causality="parameter", variability="tunable", minimum=0.0, maximum=100.0)
         text = "drag coefficient of lines across the flow, on diameter times length"
         yield tunable("line_normal_drag", start=normal_drag, description=text)
         text = "friction coefficient of lines along the flow, on diameter times length"
         yield tunable("line_friction", start=friction, description=text)
-        if moves:
+        if transient:
             text = (
                 "added mass of the air around lines over the mass of the air they displace (1: a cylinder in potential "
                 "flow; 0: none), from the change of velocity over the step"
@@ -66,7 +68,7 @@ class LinesInWind(AeroModel):
         drag, friction = float(values["line_normal_drag"]), float(values["line_friction"])
         return self._diameter, wind, flow.density, drag, friction, self._law
 
-    def remembers(self, values):
+    def history_dependent(self, values):
         """See AeroModel: inertia does."""
         return "added_mass_coefficient" in values and float(values["added_mass_coefficient"]) > 0.0
 
@@ -77,7 +79,7 @@ class LinesInWind(AeroModel):
             own = flow.velocity[self._lines].mean(axis=1)
             wind = wind - own
         load = line_loads(ends, *self._air(flow, values, wind))
-        if self.remembers(values) and flow.dt > 0.0 and state is not None:
+        if self.history_dependent(values) and flow.dt > 0.0 and state is not None:
             coefficient = float(values["added_mass_coefficient"])
             acceleration = (own - state) / flow.dt
             load = load - line_inertia(ends, self._diameter, acceleration, flow.density, coefficient)

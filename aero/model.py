@@ -110,7 +110,7 @@ class AeroModel:
         """
         raise NotImplementedError
 
-    def remembers(self, values: Values) -> bool:
+    def history_dependent(self, values: Values) -> bool:
         """Whether its answer depends on the step before, so that the same flow twice is not the same answer."""
         return False
 

@@ -15,7 +15,7 @@ def cantilever(nodes, section, across=None):
     fixed = np.zeros((n, 3), dtype=bool)
     fixed[0] = True
     beams = Beams(ends, ends, reference_axes(nodes, ends, across), l0, section)
-    return Structure(nodes, fixed, (beams,), frames=np.arange(n), clamped=fixed.copy())
+    return Structure(nodes, fixed, (beams,), rotation_nodes=np.arange(n), fixed_rotations=fixed.copy())
 
 
 def straight(count, length=1.0):
@@ -34,11 +34,11 @@ def arc(count, radius=100.0, angle=0.25 * np.pi):
 def tip_loaded(structure, force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), steps=1, **how):
     """Equilibrium under dead load N and moment N m at the last node, raised in equal `steps`; `how` as for it."""
     assembly = Assembly(structure)
-    dead, turning = np.zeros_like(structure.nodes), np.zeros((len(structure.frames), 3))
-    dead[-1], turning[-1] = force, moment
+    dead, moments = np.zeros_like(structure.nodes), np.zeros((len(structure.rotation_nodes), 3))
+    dead[-1], moments[-1] = force, moment
     x, rotations = structure.nodes, None
     for k in range(1, steps + 1):
-        loads = Loads(k / steps * dead, moment=k / steps * turning)
+        loads = Loads(k / steps * dead, moment=k / steps * moments)
         found = equilibrium(assembly, loads, x, **how, rotations=rotations)
         x, rotations = found.x, found.rotations
     return found

@@ -1,4 +1,4 @@
-"""The V3 kite in motion: ten thousand steps in gusts, and a steering step."""
+"""The V3 kite in a transient case: ten thousand steps in gusts, and a steering step."""
 
 import time
 
@@ -86,4 +86,4 @@ def _kite(quick):
     )
 
 
-ENTRIES = (Table("particles.kite", "The V3 kite in motion: gusts, inertia of the air, steering", _kite),)
+ENTRIES = (Table("particles.kite", "The transient V3 kite: gusts, inertia of the air, steering", _kite),)

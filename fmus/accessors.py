@@ -18,7 +18,7 @@ class ValueSlave(Fmi2Slave):
     """A slave of PythonFMU over arrays of value references and values. What is refused is logged."""
 
     _buffer: Buffer
-    _refused: str | None
+    _pending_error: str | None
     _time: float
 
     @abstractmethod
@@ -29,10 +29,10 @@ class ValueSlave(Fmi2Slave):
 
     @abstractmethod
     def _take(self, references: np.ndarray, kind: str, whole: bool = False) -> np.ndarray | None:
-        """Values of scalars of a kind, or of whole blocks; None, and a message, where they cannot be told."""
+        """Values of scalars of a kind, or of whole blocks; None, and a message, where that fails."""
 
     @abstractmethod
-    def _say(self, error: BaseException | str, status: Fmi2Status) -> str:
+    def _logged(self, error: BaseException | str, status: Fmi2Status) -> str:
         """Log a sentence, and return it."""
 
     def drained(self) -> list[tuple[int, str, str]]:
@@ -55,16 +55,18 @@ class ValueSlave(Fmi2Slave):
         taken = self._take_with_time(wanted, clock) if clock.any() else self._take(wanted, kind, bool(whole))
         if taken is not None:
             if len(room) != len(taken):
-                self._say(f"There is room for {len(room)} values, and {len(taken)} were asked for.", Fmi2Status.error)
+                self._logged(
+                    f"There is room for {len(room)} values, and {len(taken)} were asked for.", Fmi2Status.error
+                )
             else:
                 room[:] = taken
 
     def _take_with_time(self, wanted: np.ndarray, clock: np.ndarray) -> np.ndarray | None:
-        """Values of reals where those that `clock` marks are the time; None where they cannot be told."""
+        """Values of reals where those that `clock` marks are the time; None where that fails."""
         time = np.array([self._time])
         parts = [time if c else self._take(wanted[k : k + 1], "real", whole=True) for k, c in enumerate(clock)]
-        told = [part for part in parts if part is not None]
-        return np.concatenate(told) if len(told) == len(parts) else None
+        found = [part for part in parts if part is not None]
+        return np.concatenate(found) if len(found) == len(parts) else None
 
     # As that of PythonFMU calls, which FMUs carry for other platforms than Linux: lists.
 
@@ -78,7 +80,7 @@ class ValueSlave(Fmi2Slave):
         self._put(np.array(vrs), values, "boolean")
 
     def set_string(self, vrs: list[int], values: list[str]) -> None:
-        self._refused = self._say("There are no String variables.", Fmi2Status.error)
+        self._pending_error = self._logged("There are no String variables.", Fmi2Status.error)
 
     def _listed(self, vrs: list[int], kind: str, bad: Any) -> list[Any]:
         taken = self._take(np.array(vrs), kind) if vrs else np.array([])
@@ -94,7 +96,7 @@ class ValueSlave(Fmi2Slave):
         return [bool(value) for value in self._listed(vrs, "boolean", False)]
 
     def get_string(self, vrs: list[int]) -> list[str]:
-        self._say("There are no String variables.", Fmi2Status.error)
+        self._logged("There are no String variables.", Fmi2Status.error)
         return [""] * len(vrs)
 
 

@@ -32,8 +32,9 @@ from scenes import Scene
 STATE = b"kitecosim state "  # what a serialised state begins with; its layout, a line end, its SHA-256 and a record
 LAYOUT = 3  # of serialised states: 3 is `interface.records`; pickles were 2
 
-# The states of FMI 2.0 (section 4.2.4), and what each call is allowed in.
-INSTANTIATED, INITIALISING, STEPPING, TERMINATED = "instantiated", "initialising", "stepping", "terminated"
+# States of a co-simulation slave (FMI 2.0.4, section 4.2.4); each call is allowed in some of them.
+INSTANTIATED, INITIALIZATION_MODE = "instantiated", "in initialization mode"
+SLAVE_INITIALIZED, TERMINATED = "initialized", "terminated"
 
 
 class Core(Protocol):
@@ -53,7 +54,7 @@ class CoreFmu(ValueSlave):
     """FMI slave of one solver core: the given one, or the one of the scene in the FMU's resources."""
 
     title = "Solver"
-    at_start: tuple[str, ...] = ("parameter",)  # causalities of what the outputs depend on while initialising
+    at_start: tuple[str, ...] = ("parameter",)  # causalities that outputs depend on in initialization mode
     default_experiment = DefaultExperiment(start_time=0.0, stop_time=60.0, step_size=1.0)
     log_categories = {  # noqa: RUF012 (as PythonFMU has it)
         "logStatusError": "A value or a state that was refused; the next step is discarded.",
@@ -70,13 +71,15 @@ class CoreFmu(ValueSlave):
         self._layout = tuple((variable.name, variable.shape) for variable in self._core.variables)
         self._outputs = [name for name, (variable, _) in self.blocks.items() if variable.causality == "output"]
         self._locked = set(self._outputs)
-        # What the core judges as soon as it is set. A vector may be half set then; inputs are judged by their bounds.
-        self._judged = {name for name, (v, _) in self.blocks.items() if v.causality == "parameter" and v.size == 1}
+        # What the core checks as soon as it is set. A vector may be half set then; inputs are checked by their bounds.
+        self._checked_at_once = {
+            name for name, (v, _) in self.blocks.items() if v.causality == "parameter" and v.size == 1
+        }
         self._dirty: set[str] = set()
-        self._unsettled = False  # values have been set that start values or outputs may follow
+        self._outdated = False  # values have been set since the initial unknowns were calculated
         self._mode = INSTANTIATED
-        self._refused: str | None = None  # a call that failed since the last step
-        self._lost: str | None = None  # a state that could not be restored
+        self._pending_error: str | None = None  # of a call that failed since the last step
+        self._restore_error: str | None = None  # of a state that could not be restored
         self._time = 0.0
         self._fetch(self.blocks)
         if self.resources is not None:
@@ -126,7 +129,7 @@ class CoreFmu(ValueSlave):
         if self._mode not in modes:
             raise ValueError(f"{call} is not allowed now: the FMU is {self._mode}, not {' or '.join(modes)}.")
 
-    def _say(self, error: BaseException | str, status: Fmi2Status) -> str:
+    def _logged(self, error: BaseException | str, status: Fmi2Status) -> str:
         """Log one sentence; FMI takes it as a printf format, so that per cent signs are doubled."""
         plain = isinstance(error, str | ValueError | StepFailed)
         sentence = " ".join((str(error) if plain else f"{type(error).__name__}: {error}").split())
@@ -139,55 +142,56 @@ class CoreFmu(ValueSlave):
         self, references: np.ndarray, values: Sequence[float] | np.ndarray, kind: str, whole: bool = False
     ) -> None:
         try:
-            self._require("Setting a variable", INSTANTIATED, INITIALISING, STEPPING)
+            self._require("Setting a variable", INSTANTIATED, INITIALIZATION_MODE, SLAVE_INITIALIZED)
             if not len(references):
                 return
             where, names = self._buffer.span(references, kind, whole)
             if not self._locked.isdisjoint(names):
                 name = min(self._locked.intersection(names))
-                why = "an output" if name in self._outputs else "a fixed parameter, set before initialisation"
+                why = "an output" if name in self._outputs else "a fixed parameter, set before initialization mode ends"
                 raise ValueError(f"{name} cannot be set: it is {why}.")
-            old, dirty, judged = self._buffer.values[where].copy(), set(self._dirty), self._judged.intersection(names)
-            if self._buffer.put(where, values) or self._mode != STEPPING:
+            old, dirty = self._buffer.values[where].copy(), set(self._dirty)
+            at_once = self._checked_at_once.intersection(names)
+            if self._buffer.put(where, values) or self._mode != SLAVE_INITIALIZED:
                 self._dirty.update(names)
-                self._unsettled = True
+                self._outdated = True
                 try:
-                    self._push(judged)
+                    self._push(at_once)
                 except ValueError:  # of the core: no value of this call stays
                     self._buffer.values[where] = old
-                    self._dirty = dirty | judged
-                    self._push(judged)
+                    self._dirty = dirty | at_once
+                    self._push(at_once)
                     raise
         except BaseException as error:
-            self._refused = self._say(error, Fmi2Status.error)
+            self._pending_error = self._logged(error, Fmi2Status.error)
 
     def _take(self, references: np.ndarray, kind: str, whole: bool = False) -> np.ndarray | None:
-        """Values of scalars; None where they cannot be told."""
+        """Values of scalars; None, and a message, where that fails."""
         try:
-            if self._mode == INITIALISING and self._unsettled:
-                self._settle()
+            if self._mode == INITIALIZATION_MODE and self._outdated:
+                self._calculate_initial_unknowns()
             return self._buffer.values[self._buffer.span(references, kind, whole)[0]]
         except BaseException as error:
-            self._say(error, Fmi2Status.error)
+            self._logged(error, Fmi2Status.error)
             return None
 
-    # Life
+    # State machine
 
-    def _settle(self) -> None:
-        """Outputs, and inputs that were not set, that reflect the start values set so far."""
-        self._unsettled = False
-        for reflect in (lambda: self._push(self.blocks), self._core.look, lambda: self._fetch(self.blocks)):
+    def _calculate_initial_unknowns(self) -> None:
+        """Outputs, and inputs that were not set, follow the start values set so far."""
+        self._outdated = False
+        for update in (lambda: self._push(self.blocks), self._core.look, lambda: self._fetch(self.blocks)):
             try:
-                reflect()
+                update()
             except BaseException as error:
-                self._refused = self._say(error, Fmi2Status.error)
+                self._pending_error = self._logged(error, Fmi2Status.error)
 
     def _enter(self, call: str, before: tuple[str, ...], after: str) -> bool:
-        """Go over to another mode, where that is allowed."""
+        """Go over to another state, where that is allowed."""
         try:
             self._require(call, *before)
         except ValueError as error:
-            self._refused = self._say(error, Fmi2Status.error)
+            self._pending_error = self._logged(error, Fmi2Status.error)
             return False
         self._mode = after
         return True
@@ -197,47 +201,49 @@ class CoreFmu(ValueSlave):
             self._time = start_time
 
     def enter_initialization_mode(self) -> None:
-        if self._enter("Entering the initialisation", (INSTANTIATED,), INITIALISING):
-            self._settle()
+        if self._enter("Entering initialization mode", (INSTANTIATED,), INITIALIZATION_MODE):
+            self._calculate_initial_unknowns()
 
     def exit_initialization_mode(self) -> None:
-        if self._enter("Leaving the initialisation", (INITIALISING,), STEPPING):
-            self._settle()
+        if self._enter("Exiting initialization mode", (INITIALIZATION_MODE,), SLAVE_INITIALIZED):
+            self._calculate_initial_unknowns()
             self._locked |= {name for name, (v, _) in self.blocks.items() if v.variability == "fixed"}
 
     def terminate(self) -> None:
-        self._enter("Terminating", (INITIALISING, STEPPING), TERMINATED)
+        self._enter("Terminating", (INITIALIZATION_MODE, SLAVE_INITIALIZED), TERMINATED)
         with contextlib.suppress(BaseException):
             end_cleanly(Path(self.resources))  # again, to come before libraries that were loaded since
 
     def do_step(self, current_time: float, step_size: float) -> bool:
         """One step of the core with the present inputs; False (fmi2Discard) with a logged sentence if it fails."""
         try:
-            self._require("A step", STEPPING)
+            self._require("A step", SLAVE_INITIALIZED)
             if not (math.isfinite(current_time) and 0.0 < step_size < math.inf):
                 raise ValueError(f"A step from {current_time:g} s by {step_size:g} s is none: it goes forward in time.")
-            refused, self._refused = self._lost or self._refused, None
-            if refused:
-                raise StepFailed(refused)
+            error, self._pending_error = self._restore_error or self._pending_error, None
+            if error:
+                raise StepFailed(error)
             self._push(self.blocks)
-            with np.errstate(all="ignore"):  # of a solver that fails; it says so itself
+            with np.errstate(all="ignore"):  # of a solver that fails, which raises StepFailed
                 self._core.step(current_time, step_size)
             self._fetch(self._outputs)
             self._time = current_time + step_size
             return True
         except BaseException as error:
-            self._say(error, Fmi2Status.discard)
+            self._logged(error, Fmi2Status.discard)
             return False
 
     # Complete state
 
     def _get_fmu_state(self) -> Any:
         try:
-            mode = self._mode, frozenset(self._locked), self._refused
+            mode = self._mode, frozenset(self._locked), self._pending_error
             values = self._buffer.values.copy()
             return self._layout, self._core.save(), values, frozenset(self._dirty), self._time, mode
         except BaseException as error:
-            return self._say(error, Fmi2Status.error)  # as is every failure below, reported by the step after a restore
+            return self._logged(
+                error, Fmi2Status.error
+            )  # as is every failure below, reported by the step after a restore
 
     def _set_fmu_state(self, state: Any) -> None:
         try:
@@ -248,10 +254,10 @@ class CoreFmu(ValueSlave):
                 raise ValueError("The state belongs to an FMU with other variables.")
             self._core.restore(saved)
             self._buffer.values[:], self._dirty, self._time = values, set(dirty), time
-            self._mode, locked, self._refused = mode
-            self._locked, self._lost, self._unsettled = set(locked), None, True
+            self._mode, locked, self._pending_error = mode
+            self._locked, self._restore_error, self._outdated = set(locked), None, True
         except BaseException as error:
-            self._lost = self._say(error, Fmi2Status.error)
+            self._restore_error = self._logged(error, Fmi2Status.error)
 
     @staticmethod
     def _fmu_state_to_bytes(state: Any) -> bytes:

@@ -18,7 +18,7 @@ def array_description(instance: CoreFmu, token: str) -> Element:
     """The model description of `instance` with the instantiation token.
 
     The value reference of a variable is the place of its first scalar in the buffer. Dependencies are those of FMI 2.0:
-    at a communication point none, and while initialising what has a causality of `at_start`.
+    at a communication point none, and in initialization mode what has a causality of `at_start`.
     """
     name = str(instance.modelName)
     root = Element("fmiModelDescription", {"fmiVersion": "3.0", "modelName": name, "instantiationToken": token})

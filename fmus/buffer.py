@@ -13,7 +13,7 @@ from interface import Variable
 from interface.variables import allowed, first_outside
 
 LARGEST = float(np.finfo(float).max)  # what is not within it is infinite or not a number
-REMEMBERED = 256  # lists of value references: an importer repeats a few
+CACHE_SIZE = 256  # lists of value references: an importer repeats a few
 
 
 class Buffer:
@@ -36,18 +36,18 @@ class Buffer:
     def span(
         self, references: np.ndarray, kind: str, whole: bool = False
     ) -> tuple[slice | np.ndarray, tuple[str, ...]]:
-        """Where value references are, and the blocks they touch, all of that kind; remembered, as importers repeat.
+        """Where value references are, and the blocks they touch, all of that kind; cached, as importers repeat.
 
         Each is one scalar or, where `whole`, the block whose first scalar it is.
         """
         key = kind, whole, references.tobytes()
-        known = self._spans.get(key)
-        if known is None:
-            if len(self._spans) >= REMEMBERED:
+        span = self._spans.get(key)
+        if span is None:
+            if len(self._spans) >= CACHE_SIZE:
                 self._spans.clear()
             places = references.astype(np.int64)
-            known = self._spans[key] = self._place(self._scalars(places) if whole else places, kind)
-        return known
+            span = self._spans[key] = self._place(self._scalars(places) if whole else places, kind)
+        return span
 
     def _scalars(self, references: np.ndarray) -> np.ndarray:
         """Places of all scalars of blocks."""

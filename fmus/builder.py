@@ -124,11 +124,11 @@ def _identifier(name: str) -> str:
 def _unused(scene: Scene, side: str) -> tuple[str, ...]:
     """Beginnings of the paths of modules that the FMU of one side of a scene never loads."""
     if side == "aero":
-        cores = "statics", "transient", "structur", "tapes", "holding", "tube_sections", "symmetry", "memory"
+        cores = "statics", "transient", "structur", "tapes", "holding", "tube_sections", "symmetry", "memoised"
         return ("structural/", *(f"scenes/cores/{name}" for name in cores))
     flow = "aero/vortex_step/", "scenes/cores/flow"
     motion = "structural/dynamics/", "scenes/cores/transient"
-    return ("structural/solve/pardiso", *flow, *(("scenes/cores/statics",) if scene.moves else motion))
+    return ("structural/solve/pardiso", *flow, *(("scenes/cores/statics",) if scene.transient else motion))
 
 
 def archive(

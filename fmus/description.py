@@ -95,7 +95,7 @@ def add_variables(
     The value reference of a scalar is its place, blocks following each other.
 
     Outputs change in doStep only: at a communication point none depends on an input, so that no importer sees an
-    algebraic loop between two FMUs. While initialising they follow what has a causality of `at_start`, in an FMU of
+    algebraic loop between two FMUs. In initialization mode they follow what has a causality of `at_start`, in an FMU of
     a pair the parameters alone, so that there is no loop then either (FMI 2.0.4, section 2.2.8).
     """
     root.insert([child.tag for child in root].index("CoSimulation") + 1, unit_definitions(variables))

@@ -22,12 +22,12 @@ TREE = "tree"  # of the arrays of a record, the bytes of its JSON
 
 
 class _Writer:
-    """Arrays met so far, and the tree of what holds them."""
+    """Arrays written so far, and the tree of what holds them."""
 
     def __init__(self) -> None:
         self._parts: dict[str, list[np.ndarray]] = {}
         self._lengths: dict[str, int] = {}
-        self._known: dict[int, tuple[np.ndarray, dict[str, Any]]] = {}  # arrays are kept, so that no id comes twice
+        self._memo: dict[int, tuple[np.ndarray, dict[str, Any]]] = {}  # arrays are kept, so that no id comes twice
 
     def arrays(self) -> dict[str, np.ndarray]:
         return {name: np.concatenate(parts, dtype=parts[0].dtype) for name, parts in self._parts.items()}
@@ -65,14 +65,14 @@ class _Writer:
     def _array(self, value: np.ndarray) -> dict[str, Any]:
         if value.dtype.hasobject or value.dtype.names:
             raise TypeError(f"an array of {value.dtype} cannot be stored; take numbers or texts.")
-        if id(value) in self._known:
-            return self._known[id(value)][1]
+        if id(value) in self._memo:
+            return self._memo[id(value)][1]
         name, columns = value.dtype.str.lstrip("<=|"), value.flags.f_contiguous and not value.flags.c_contiguous
         begin = self._lengths.get(name, 0)
         self._parts.setdefault(name, []).append(value.reshape(-1, order="F" if columns else "C"))
         self._lengths[name] = begin + value.size
         at = {"array": name, "at": begin, "shape": list(value.shape)} | ({"order": "F"} if columns else {})
-        self._known[id(value)] = value, at
+        self._memo[id(value)] = value, at
         return at
 
 
@@ -83,7 +83,7 @@ def _place(kind: type) -> str:
 class _Reader:
     def __init__(self, arrays: dict[str, np.ndarray]) -> None:
         self._arrays = arrays
-        self._known: dict[tuple[str, int, tuple[int, ...]], np.ndarray] = {}
+        self._memo: dict[tuple[str, int, tuple[int, ...]], np.ndarray] = {}
 
     def value(self, tree: Any) -> Any:
         if tree is None or isinstance(tree, bool | int | float | str):
@@ -119,10 +119,10 @@ class _Reader:
 
     def _array(self, tree: Any) -> np.ndarray:
         name, begin, shape = tree["array"], tree["at"], tuple(tree["shape"])
-        if (name, begin, shape) not in self._known:
+        if (name, begin, shape) not in self._memo:
             flat = self._arrays[name][begin : begin + math.prod(shape)]
-            self._known[name, begin, shape] = flat.reshape(shape, order=tree.get("order", "C")).copy(order="K")
-        return self._known[name, begin, shape]
+            self._memo[name, begin, shape] = flat.reshape(shape, order=tree.get("order", "C")).copy(order="K")
+        return self._memo[name, begin, shape]
 
     def _scalar(self, tree: Any) -> Any:
         return self._array(tree["scalar"])[()]

@@ -3,18 +3,18 @@
 import numpy as np
 
 from interface.mirror import MIRROR, mirror_permutation
-from structural.dofs import frame_images
+from structural.dofs import rotation_images
 
-MISFIT = 0.05  # part of the rest length
-TOGETHER = 1e-6  # m, as for mirror images
+PRESTRAIN = 0.05  # over the rest length, in the reference configuration
+COINCIDENT = 1e-6  # m, as for mirror images
 
 
-def misfits(nodes, chains):
-    """Elements whose nodes (n,3) m are further off their rest length than MISFIT of it, as texts."""
+def prestrained(nodes, chains):
+    """Elements whose strain at the nodes (n,3) m is more than PRESTRAIN, slack ones too, as texts."""
     found = []
     for group in chains:
         length = np.linalg.norm(np.diff(nodes[group.nodes], axis=1), axis=2).sum(axis=1)
-        off = np.flatnonzero((group.l0 > 0.0) & (np.abs(length - group.l0) > MISFIT * group.l0))
+        off = np.flatnonzero((group.l0 > 0.0) & (np.abs(length - group.l0) > PRESTRAIN * group.l0))
         found += [f"{group.names[e]} has {group.l0[e]:.3f} m for {length[e]:.3f} m" for e in off]
     return found
 
@@ -28,22 +28,22 @@ def asymmetry(members, groups):
         distance = np.linalg.norm(nodes[:, None] - flipped[None], axis=2)
         gap = distance.min(axis=1)
         worst = int(np.argmax(gap))
-        if gap[worst] > TOGETHER:
+        if gap[worst] > COINCIDENT:
             return f"node {labels[worst]} has no mirror image; the nearest is {gap[worst]:.2g} m off"
         there, here = (
-            np.count_nonzero(np.linalg.norm(nodes[:, None] - p, axis=2) < TOGETHER, axis=1) for p in (flipped, nodes)
+            np.count_nonzero(np.linalg.norm(nodes[:, None] - p, axis=2) < COINCIDENT, axis=1) for p in (flipped, nodes)
         )
         return f"at node {labels[int(np.argmax(np.abs(here - there)))]} there are more nodes than at its mirror image"
     odd = np.flatnonzero(np.any(members.fixed != members.fixed[image], axis=1))
     if len(odd):
         return f"nodes {labels[odd[0]]} and {labels[image[odd[0]]]} are not held alike"
-    frames = np.zeros(0, dtype=int) if members.wing is None else members.wing.frames
+    rotation_nodes = np.zeros(0, dtype=int) if members.wing is None else members.wing.rotation_nodes
     try:
-        turned = frame_images(frames, image)
+        rotations = rotation_images(rotation_nodes, image)
     except ValueError:
-        return "a tube end that turns has no mirror image"
+        return "the rotation of a tube end has no mirror image"
     for group in groups:
-        rows = group.images(image, turned)
+        rows = group.images(image, rotations)
         if np.any(rows < 0):
             return f"element {group.label(int(np.argmin(rows)))} has no mirror image"
         for what, values in group.properties().items():

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
-    """Beams of inflated tubes: `ends` (e,2) nodes, `frames` (e,2), `radius` (e,) m at their middle, `names` (e,) and
-    the `names_of_tubes` they are parts of.
+    """Beams of inflated tubes: `ends` (e,2) nodes and nodal `rotations` (e,2) of both ends, `radius` (e,) m at their
+    middle, `names` (e,) and the `tube` (e,) that each is a part of.
     """
 
     ends: np.ndarray
-    frames: np.ndarray
+    rotations: np.ndarray
     radius: np.ndarray
     names: tuple[str, ...]
     tube: tuple[str, ...]
@@ -29,18 +29,19 @@ class WingMesh:
     """What the mesher adds to the nodes of the tables.
 
     `nodes` (n,3) m and `labels`, those of the tables first; `grid` (columns, stations) node indices of the canopy from
-    the left tip to the right one and from leading to trailing edge; `tubes`; `frames` (r,) the node of each frame;
-    `riders` and `carriers` (k,) rigid links; `springs` the canopy as (name, ends, rest length m, stiffness N/m),
-    tension only; `canopy_mass` (n,) kg and `tube_length` (n,) m, the share of each node.
+    the left tip to the right one and from leading to trailing edge; `tubes`; `rotation_nodes` (r,) the node of each
+    nodal rotation; `dependent_nodes` (k,) on rigid links to the nodal rotations `link_rotations` (k,); `springs` the
+    canopy as (name, ends, rest length m, stiffness N/m), tension only; `canopy_mass` (n,) kg and `tube_length` (n,) m,
+    the share of each node.
     """
 
     nodes: np.ndarray
     labels: tuple[str, ...]
     grid: np.ndarray
     tubes: Tubes
-    frames: np.ndarray
-    riders: np.ndarray
-    carriers: np.ndarray
+    rotation_nodes: np.ndarray
+    dependent_nodes: np.ndarray
+    link_rotations: np.ndarray
     springs: list[tuple[str, tuple[int, int], float, float]]
     canopy_mass: np.ndarray
     tube_length: np.ndarray

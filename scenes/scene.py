@@ -103,9 +103,14 @@ class Scene:
         return self.source
 
     @property
-    def moves(self) -> bool:
-        """Whether the scene is transient: a motion through time, with masses."""
+    def transient(self) -> bool:
+        """Whether the scene is transient, with masses and integrated in time; quasi-static else."""
         return self.dynamics is not None
+
+    @property
+    def moves(self) -> bool:
+        """`transient` by its former name, until the next release."""
+        return self.transient
 
     @property
     def has_flow(self) -> bool:
@@ -128,7 +133,7 @@ class Scene:
         """The structural solver core of this scene."""
         from .cores import Core
 
-        if self.moves:
+        if self.transient:
             from .cores.transient import Transient
 
             return Core(Transient(self))
@@ -174,7 +179,7 @@ class Scene:
         from aero.line_drag import LinesInWind
 
         about = "origin" if self.pivot is None else "pivot"
-        air = self.aero.line_normal_drag, self.aero.line_friction, about, self.moves
+        air = self.aero.line_normal_drag, self.aero.line_friction, about, self.transient
         return LinesInWind(self.interface.lines, self.interface.diameter, self.choices.line_area, *air)
 
     @cached_property
@@ -207,7 +212,7 @@ class Scene:
         """What looks odd in the structure with these parameters: elements far off their rest length in the design
         shape, and the first thing that breaks its symmetry ("" if nothing does).
         """
-        from .checks import asymmetry, misfits
+        from .checks import asymmetry, prestrained
         from .cores.structure import StructuralModel
 
         core, given = self.structural_core(), parameters or {}
@@ -215,7 +220,7 @@ class Scene:
             core.set(parameter, given[parameter])
         values = {block: core.get(block) for block in core.names}
         model = StructuralModel(self)
-        return misfits(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
+        return prestrained(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
 
     def trim_angle(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.

@@ -253,8 +253,8 @@ class Choices:
     `chord` "structural" or "design": which chord carries the strips; `line_drag` "on" or "off"; `panels_per_section`
     strips between two struts; `variant` of scene.toml; `canopy_stations` cells along every chord and
     `canopy_subdivisions` between two ribs; `tube_law` of the bending of tubes; `camber_feedback` "on" or "off";
-    `scale` of all lengths; `integration` the scheme of motion, None as [dynamics] says; `line_area` of lines in the
-    wind: "inclined" or "projected".
+    `scale` of all lengths; `integration` the time integration scheme, None as [dynamics] says; `line_area` of lines in
+    the wind: "inclined" or "projected".
     """
 
     chord: str = "structural"

@@ -14,10 +14,10 @@ import scipy.sparse as sp
 from interface.mirror import mirror_permutation, mirror_rows, unique_half
 from interface.vectors import spin, turned
 
-from .dofs import RigidLinks, Unknowns, frame_images, unknowns
+from .dofs import RigidLinks, Unknowns, rotation_images, unknowns
 from .elements import Configuration, ElementGroup, translations
 from .loads import LoadGroup
-from .loads.carried import CarriedElements
+from .loads.surface import SurfaceElements
 from .model import Loads, Structure
 from .solve.linear import elimination_order
 
@@ -52,7 +52,7 @@ class _Elements:
 
 
 @dataclass(frozen=True, eq=False)
-class _Carrier:
+class _LoadedElements:
     """A load group as the assembly has it: which `rows` of the `whole` are solved for, and these as a `group`."""
 
     rows: np.ndarray
@@ -77,69 +77,69 @@ class _Carrier:
 
 
 @dataclass(frozen=True, eq=False)
-class _OnNodes(_Carrier):
+class _OnNodes(_LoadedElements):
     """A load group between structural nodes: values go by scatter maps."""
 
     forces: "Scatter"
     stiffness: "Scatter"
 
     def points(self, x):
-        """See _Carrier."""
+        """See _LoadedElements."""
         return x[self.group.nodes]
 
     def generalised(self, forces):
-        """See _Carrier."""
+        """See _LoadedElements."""
         return self.forces(forces)
 
     def data(self, tangents):
-        """See _Carrier."""
+        """See _LoadedElements."""
         return self.stiffness(tangents)
 
 
 @dataclass(frozen=True, eq=False)
-class _OnSurface(_Carrier):
-    """A load group on a surface that structural nodes carry: values go by sparse maps."""
+class _OnSurface(_LoadedElements):
+    """A load group on a surface that follows structural nodes: values go by sparse maps."""
 
-    carried: CarriedElements
+    surface: SurfaceElements
     stiffness: sp.csr_array
 
     def points(self, x):
-        """See _Carrier."""
-        return self.carried.corners(x)
+        """See _LoadedElements."""
+        return self.surface.corners(x)
 
     def generalised(self, forces):
-        """See _Carrier."""
-        return self.carried.generalised(forces)
+        """See _LoadedElements."""
+        return self.surface.generalised(forces)
 
     def data(self, tangents):
-        """See _Carrier."""
+        """See _LoadedElements."""
         return self.stiffness @ tangents.reshape(-1)
 
 
 class Assembly:
     """Residual (q,) and tangent (q,q) of a structure in its unknowns, for changing positions, rotations and loads.
 
-    Forces N and moments N m, per m and per rad. The unknowns are q for positions; rotations (r,3,3) of the frames, None
-    where there are none, go beside them, and `moved` makes both from a step.
+    Forces N and moments N m, per m and per rad. The unknowns are q for positions; nodal rotations (r,3,3), None where
+    there are none, go beside them, and `moved` makes both from a step.
     """
 
     def __init__(self, structure: Structure, mirror: np.ndarray | None = None):
         self.structure, self._mirror = structure, mirror
         free = np.array(~structure.fixed.all(axis=1))
-        free[structure.riders] = False
-        free[structure.frames[~structure.clamped.all(axis=1)]] = True
+        free[structure.dependent_nodes] = False
+        free[structure.rotation_nodes[~structure.fixed_rotations.all(axis=1)]] = True
         order = elimination_order(_couplings(structure, mirror), free)
         self.unknowns: Unknowns = unknowns(structure, mirror, order)
-        riding = len(structure.riders) > 0
-        self._wide = unknowns(structure, mirror, order, with_riders=True) if riding else self.unknowns
-        self._links = RigidLinks(structure, self._wide, self.unknowns) if riding else None
+        linked = len(structure.dependent_nodes) > 0
+        self._unreduced = unknowns(structure, mirror, order, with_dependents=True) if linked else self.unknowns
+        self._links = RigidLinks(structure, self._unreduced, self.unknowns) if linked else None
         self._build_pattern()
 
     def _halved(self, group):
         """Rows of elements that are solved for, and how often each counts."""
         if self._mirror is None:
             return np.arange(len(group)), np.ones(len(group))
-        images = group.images(self._mirror, frame_images(self.structure.frames, self._mirror))
+        images = group.images(self._mirror, rotation_images(self.structure.rotation_nodes, self._mirror))
         if np.any(images < 0):
             lone = group.label(int(np.argmax(images < 0)))
             raise ValueError(f"element {lone} has no mirror image although the structure is to be halved.")
@@ -160,24 +160,24 @@ class Assembly:
         return unique_half(images)
 
     def _build_pattern(self):
-        u, s = self._wide, self.structure
+        u, s = self._unreduced, self.structure
         images: dict[int, np.ndarray | None] = {}
         n = len(s.nodes)
         halves = [self._halved(group) for group in s.groups]
         blocks = [(g.dofs(n)[rows], weight) for g, (rows, weight) in zip(s.groups, halves, strict=True)]
-        carriers: list[tuple[np.ndarray, LoadGroup, LoadGroup, CarriedElements | None]] = []
+        loaded: list[tuple[np.ndarray, LoadGroup, LoadGroup, SurfaceElements | None]] = []
         entries = []
         for name, group in s.load_groups.items():
             rows, weight = self._halved_surface(name, group, images)
             part = group.select(rows)
             if group.weights is None:
                 blocks.append((translations(part.nodes), weight))
-                carriers.append((rows, group, part, None))
+                loaded.append((rows, group, part, None))
             else:
-                carried = CarriedElements(part.nodes, weight, group.weights, u)
-                entries.append(carried.stiffness_entries())
-                carriers.append((rows, group, part, carried))
-        spins = translations(n + np.arange(len(s.frames))[:, None])  # for the skew part of applied moments
+                on_surface = SurfaceElements(part.nodes, weight, group.weights, u)
+                entries.append(on_surface.stiffness_entries())
+                loaded.append((rows, group, part, on_surface))
+        spins = translations(n + np.arange(len(s.rotation_nodes))[:, None])  # for the skew part of applied moments
         blocks.append((spins, np.ones(len(spins))))
         blocks.append((translations(np.arange(n)[:, None]), np.ones(n)))  # for masses with directions
         places = Pattern(u.count, [(u.index[d], u.sign[d], weight) for d, weight in blocks], [e[:2] for e in entries])
@@ -189,20 +189,20 @@ class Assembly:
         ]
         self._scatter_skew, self._node_k = (k for _, _, k in scatter[-2:])
         direct, spread = iter(scatter[len(halves) : -2]), iter(zip(places.places, entries, strict=True))
-        self._carriers: dict[str, _Carrier] = {}
-        for name, (rows, group, part, surface) in zip(s.load_groups, carriers, strict=True):
+        self._loaded: dict[str, _LoadedElements] = {}
+        for name, (rows, group, part, surface) in zip(s.load_groups, loaded, strict=True):
             if surface is None:
                 _, f, k = next(direct)
-                self._carriers[name] = _OnNodes(rows, len(group), part, f, k)
+                self._loaded[name] = _OnNodes(rows, len(group), part, f, k)
             else:
                 target, (_, _, position, factor) = next(spread)
                 matrix = surface.stiffness_map(target, position, factor, self._nnz)
-                self._carriers[name] = _OnSurface(rows, len(group), part, surface, matrix)
+                self._loaded[name] = _OnSurface(rows, len(group), part, surface, matrix)
         self._reduce(places.keys, places.diagonal)
 
     def _reduce(self, keys, diagonal):
         """The pattern of the tangent, where rigid links are left out of the one that values are scattered into."""
-        n = self._wide.count
+        n = self._unreduced.count
         self.diagonal = diagonal
         if self._links is not None:
             q = self.unknowns.count
@@ -226,30 +226,31 @@ class Assembly:
     def _seen(self, loads):
         """Loads of each load group that is solved for, dead forces (w,), skew stiffness of moments."""
         for name, load in loads.on.items():
-            if name not in self._carriers:
-                known = ", ".join(self._carriers) or "none"
+            if name not in self._loaded:
+                known = ", ".join(self._loaded) or "none"
                 raise ValueError(f"the structure has no load group '{name}'; it has: {known}.")
             self.structure.load_groups[name].require(load, name)
-        on = [c.part(loads.on.get(name)) if len(c.rows) else None for name, c in self._carriers.items()]
-        dead, skew = self._wide.gather(loads.dead), None
+        on = [e.part(loads.on.get(name)) if len(e.rows) else None for name, e in self._loaded.items()]
+        dead, skew = self._unreduced.gather(loads.dead), None
         if loads.moment is not None:
-            dead = dead + self._wide.gather(np.concatenate([0.0 * loads.dead, loads.moment]))
+            dead = dead + self._unreduced.gather(np.concatenate([0.0 * loads.dead, loads.moment]))
             skew = self._scatter_skew(-0.5 * spin(loads.moment))
         return on, dead, skew
 
     def start(self, rotations=None):
-        """Rotations (r,3,3) to begin with: given ones, or those of the reference configuration; None without frames."""
-        return self.structure.unturned if rotations is None or not len(self.structure.frames) else rotations
+        """Nodal rotations (r,3,3) to begin with: given ones, or those of the reference configuration; None without."""
+        initial = self.structure.initial_rotations
+        return initial if rotations is None or initial is None else rotations
 
     def moved(self, q, rotations, step):
         """Unknowns and rotations after a `step` (q,), m and rad."""
         return q + step, None if rotations is None else turned(rotations, self.unknowns.spins(step))
 
     def positions(self, q, rotations=None):
-        """Node positions (n,3) m, riders and all."""
+        """Node positions (n,3) m, dependent nodes and all."""
         x = self.unknowns.expand(q)
         if self._links is not None:
-            self._links.place(x, self.start(rotations), self.structure.frames)
+            self._links.place(x, self.start(rotations))
         return x
 
     def configuration(self, q, rotations=None):
@@ -267,14 +268,14 @@ class Assembly:
 
     def elastic(self, at, prepared):
         """Internal forces (w,) N of all elements at rest in a configuration."""
-        internal = np.zeros(self._wide.count)
+        internal = np.zeros(self._unreduced.count)
         for place, part in zip(self._elements, prepared.groups, strict=True):
             internal += place.forces(part.forces(at))
         return internal
 
     def damping(self, at, prepared):
         """Internal forces (w,) N of the dampers alone in a moving configuration."""
-        internal = np.zeros(self._wide.count)
+        internal = np.zeros(self._unreduced.count)
         for place, part in zip(self._elements, prepared.groups, strict=True):
             if part.damped:
                 internal += place.forces(part.damping_forces(at))
@@ -283,10 +284,10 @@ class Assembly:
     def external(self, at, prepared):
         """External forces (w,) N in a configuration, which may move: drag depends on it."""
         external = prepared.dead
-        for carrier, load in zip(self._carriers.values(), prepared.loads, strict=True):
+        for elements, load in zip(self._loaded.values(), prepared.loads, strict=True):
             if load is not None:
-                moving = None if at.v is None else carrier.points(at.v)
-                external = external + carrier.generalised(carrier.group.forces(carrier.points(at.x), load, moving))
+                moving = None if at.v is None else elements.points(at.v)
+                external = external + elements.generalised(elements.group.forces(elements.points(at.x), load, moving))
         return external
 
     def load_forces(self, x, loads, rotations=None):
@@ -297,11 +298,11 @@ class Assembly:
             return external
         return self._links.forces(external, self._links.factors(at.rotations)[0])
 
-    def moves(self, step, rotations=None):
-        """Displacements (n,3) m of the nodes, riders and all, in a small `step` (q,): the derivative of `positions`."""
-        dx = self.unknowns.moves(step)
+    def displacements(self, step, rotations=None):
+        """Displacements (n,3) m of all nodes in a small `step` (q,): the derivative of `positions`."""
+        dx = self.unknowns.displacements(step)
         if self._links is not None:
-            self._links.carry(dx, self.unknowns.spins(step), self.start(rotations), self.structure.frames)
+            self._links.displace(dx, self.unknowns.spins(step), self.start(rotations))
         return dx
 
     def residual_and_tangent(self, q, prepared, rotations=None):
@@ -321,7 +322,7 @@ class Assembly:
         """Residual (q,) N with dampers and drag at node positions x m and velocities v m/s, (n,3) each; the data of its
         derivatives by positions N/m and by velocities N s/m, to be filled in by `matrix`; the norm of external forces.
 
-        For structures without frames. `isotropic` see `ElementGroup.damping_forces_and_tangents`.
+        For structures without rotational dofs. `isotropic` see `ElementGroup.damping_forces_and_tangents`.
         """
         at = Configuration(x, None, v)
         internal, external, data, rates = self._evaluated(at, prepared)
@@ -339,20 +340,20 @@ class Assembly:
         In a moving configuration drag counts the velocities; dampers are not in it.
         """
         external, rates = prepared.dead, None
-        internal = np.zeros(self._wide.count)
+        internal = np.zeros(self._unreduced.count)
         data = np.zeros(self._nnz) if prepared.skew is None else prepared.skew
         both = [part.forces_and_tangents(at) for part in prepared.groups]
         for (f, k), place in zip(both, self._elements, strict=True):
             internal += place.forces(f)
             data = data + place.stiffness(k)
-        for carrier, load in zip(self._carriers.values(), prepared.loads, strict=True):
+        for elements, load in zip(self._loaded.values(), prepared.loads, strict=True):
             if load is not None:
-                moving = None if at.v is None else carrier.points(at.v)
-                f, by_x, by_v = carrier.group.forces_and_tangents(carrier.points(at.x), load, moving)
-                external = external + carrier.generalised(f)
-                data = data - carrier.data(by_x)
+                moving = None if at.v is None else elements.points(at.v)
+                f, by_x, by_v = elements.group.forces_and_tangents(elements.points(at.x), load, moving)
+                external = external + elements.generalised(f)
+                data = data - elements.data(by_x)
                 if by_v is not None:
-                    rates = -carrier.data(by_v) if rates is None else rates - carrier.data(by_v)
+                    rates = -elements.data(by_v) if rates is None else rates - elements.data(by_v)
         return internal, external, data, rates
 
     def node_blocks(self, blocks):
@@ -377,11 +378,11 @@ class Assembly:
 def _couplings(structure, mirror):
     """Sparse incidences (elements, n) of the nodes that elements and load groups couple.
 
-    A rider stands for the node that carries it; with a `mirror` permutation a node stands for its image too.
+    The reference node stands for those that depend on it; with a `mirror` permutation a node stands for its image too.
     """
     n = len(structure.nodes)
     stands_for = np.arange(n)
-    stands_for[structure.riders] = structure.frames[structure.carriers]
+    stands_for[structure.dependent_nodes] = structure.reference_nodes
     groups = [(g.nodes, None) for g in structure.groups]
     groups += [(g.nodes, g.weights) for g in structure.load_groups.values()]
     for elements, weights in groups:
@@ -390,9 +391,9 @@ def _couplings(structure, mirror):
         entries = np.ones(e * m), (np.repeat(np.arange(e), m), elements.ravel())
         incidence = sp.csr_array(entries, shape=(e, columns))
         incidence = incidence if weights is None else sp.csr_array(incidence @ abs(sp.csr_array(weights)))
-        if len(structure.riders):
-            rides = sp.csr_array((np.ones(n), (np.arange(n), stands_for)), shape=(n, n))
-            incidence = sp.csr_array(incidence @ rides)
+        if len(structure.dependent_nodes):
+            links = sp.csr_array((np.ones(n), (np.arange(n), stands_for)), shape=(n, n))
+            incidence = sp.csr_array(incidence @ links)
         yield incidence if mirror is None else incidence + incidence[:, mirror]
 
 

@@ -1,9 +1,9 @@
 """Which degrees of freedom are solved for: supports, mirror symmetry, rigid links, and the order of elimination.
 
-Rigid links are nodes at a fixed place in a frame, eliminated from residual and tangent, exact for any rotation. A rider
-stands at x = x_c + rho, rho = R rho_0 with its carrier's node c and rotation R, so that dx = dx_c + w x rho for a spin
-w. Its forces f go to c, with the moment rho x f; its stiffness goes with them, and f on the turning arm adds the second
-derivative sym(rho f^T) - (rho.f) I along rotations about fixed axes.
+Rigid links eliminate dependent nodes from residual and tangent (master-slave elimination), exact for any rotation. A
+dependent node stands at x = x_c + rho, rho = R rho_0 with its reference node c and the rotation R of that, so that
+dx = dx_c + w x rho for a spin w. Its forces f go to c, with the moment rho x f; its stiffness goes with them, and f on
+the turning arm adds the second derivative sym(rho f^T) - (rho.f) I along rotations about fixed axes.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,8 @@ from interface.vectors import cross, spin
 
 @dataclass(frozen=True, eq=False)
 class Unknowns:
-    """Positions x = base + sign * q[index] where index >= 0, so that x.flat = expand(q); then the spins of the frames.
+    """Positions x = base + sign * q[index] where index >= 0, so that x.flat = expand(q); then the spins (rotation
+    increments) of the nodal rotations.
 
     Without symmetry `index` counts the free dofs. With it only the half y >= 0 is unknown: the other half follows with
     the sign of y turned (of x and z for spins), and y = 0 in the plane itself is a consequence, not a support.
@@ -26,7 +27,7 @@ class Unknowns:
     sign: np.ndarray  # (3n + 3r,) +-1
     base: np.ndarray  # (3n,) m, known positions
     first: np.ndarray  # (q,) the dof that stands for each unknown
-    shares: np.ndarray  # (q,) how many dofs each unknown moves: 2 with a mirror image, else 1
+    shares: np.ndarray  # (q,) how many dofs each unknown stands for: 2 with a mirror image, else 1
 
     @property
     def count(self):
@@ -34,15 +35,15 @@ class Unknowns:
         return len(self.first)
 
     @property
-    def turning(self):
-        """Which unknowns are spins, (q,) bool."""
+    def rotational(self):
+        """Which unknowns are rotational dofs (spins), (q,) bool."""
         return self.first >= len(self.base)
 
     def expand(self, q):
         """Node positions (n,3) from the unknowns (q,)."""
-        return self.base.reshape(-1, 3) + self.moves(q)
+        return self.base.reshape(-1, 3) + self.displacements(q)
 
-    def moves(self, step):
+    def displacements(self, step):
         """Displacements (n,3) m of the nodes in a `step` (q,) of the unknowns."""
         index = self.index[: len(self.base)]
         free = index >= 0
@@ -51,15 +52,16 @@ class Unknowns:
         return dx.reshape(-1, 3)
 
     def spins(self, step):
-        """Spins (r,3) rad of the frames in a `step` (q,) of the unknowns."""
+        """Spins (r,3) rad of the nodal rotations in a `step` (q,) of the unknowns."""
         n = len(self.base)
         index = self.index[n:]
         return np.where(index >= 0, self.sign[n:] * step[index], 0.0).reshape(-1, 3)
 
     def restrict(self, x):
-        """Unknowns (q,) of node positions (n,3); zero for spins, which start wherever the frames are."""
-        turning = self.turning
-        return np.where(turning, 0.0, x.reshape(-1)[np.where(turning, 0, self.first)])
+        """Unknowns (q,) of node positions (n,3); zero for spins, which start from the present
+        rotations."""
+        rotational = self.rotational
+        return np.where(rotational, 0.0, x.reshape(-1)[np.where(rotational, 0, self.first)])
 
     def norm(self, r):
         """Euclidean norm over the free dofs of the whole structure of forces N and moments N m, from the generalised
@@ -70,31 +72,31 @@ class Unknowns:
         return float(np.sqrt(np.sum(r * r / self.shares)))
 
     def gather(self, f):
-        """Generalised forces (q,) of nodal forces (n,3), and of moments on frames where they follow, (n + r, 3)."""
+        """Generalised forces (q,) of nodal forces (n,3), and of nodal moments where they follow, (n + r, 3)."""
         f = f.reshape(-1)
         index = self.index[: len(f)]
         free = index >= 0
         return np.bincount(index[free], (self.sign[: len(f)] * f)[free], minlength=self.count)
 
 
-def unknowns(structure, mirror=None, order=None, with_riders=False):
+def unknowns(structure, mirror=None, order=None, with_dependents=False):
     """Unknowns of a structure, with its `mirror` permutation of nodes if any; those of one node stand together, nodes
     of lower `order` (n,) first.
 
-    Riders have none of their own, or, `with_riders`, stand behind all others as if they were free.
+    Dependent nodes have none of their own, or, `with_dependents`, stand behind all others as if they were free.
     """
-    nodes, frames = structure.nodes, structure.frames
-    n, r = len(nodes), len(frames)
-    of_node = np.concatenate([np.arange(n), frames])
+    nodes, rotation_nodes = structure.nodes, structure.rotation_nodes
+    n, r = len(nodes), len(rotation_nodes)
+    of_node = np.concatenate([np.arange(n), rotation_nodes])
     dof = np.arange(3 * (n + r)).reshape(-1, 3)
     sign = np.ones((n + r, 3))
     master = dof.copy()
-    known = np.concatenate([structure.fixed, structure.clamped])
-    riding = np.zeros(n + r, dtype=bool)
-    riding[structure.riders] = True
-    known[riding] = not with_riders
+    known = np.concatenate([structure.fixed, structure.fixed_rotations])
+    dependent = np.zeros(n + r, dtype=bool)
+    dependent[structure.dependent_nodes] = True
+    known[dependent] = not with_dependents
     if mirror is not None:
-        image = np.concatenate([mirror, n + frame_images(frames, mirror)])
+        image = np.concatenate([mirror, n + rotation_images(rotation_nodes, mirror)])
         y = nodes[of_node, 1]
         other = (y < 0.0) | ((y == 0.0) & (image < np.arange(n + r)))
         in_plane = mirror[of_node] == of_node
@@ -106,8 +108,8 @@ def unknowns(structure, mirror=None, order=None, with_riders=False):
     own = (~known) & (master == dof)
     first = dof[own]
     place = np.zeros(n) if order is None else order
-    key = np.where(riding[first // 3], np.inf, place[of_node[first // 3]])
-    if order is not None or with_riders:
+    key = np.where(dependent[first // 3], np.inf, place[of_node[first // 3]])
+    if order is not None or with_dependents:
         first = first[np.argsort(key, kind="stable")]
     number = np.full(3 * (n + r), -1)
     number[first] = np.arange(len(first))
@@ -117,32 +119,37 @@ def unknowns(structure, mirror=None, order=None, with_riders=False):
     return Unknowns(index.reshape(-1), sign.reshape(-1), base.reshape(-1), first, shares)
 
 
-def frame_images(frames, mirror):
-    """Frame (r,) at the mirror image of the node of each frame; several at one node pair in the order of their rows."""
+def rotation_images(rotation_nodes, mirror):
+    """Nodal rotation (r,) at the mirror image of the node of each; several at one node pair in the order of their rows.
+
+    `rotation_nodes` (r,) as in `Structure`, `mirror` (n,) the images of the nodes.
+    """
     places: dict[int, list[int]] = {}
-    for row, node in enumerate(frames.tolist()):
+    for row, node in enumerate(rotation_nodes.tolist()):
         places.setdefault(node, []).append(row)
     nth = {row: k for rows in places.values() for k, row in enumerate(rows)}
     try:
-        return np.array([places[mirror[node]][nth[row]] for row, node in enumerate(frames.tolist())], dtype=int)
+        return np.array([places[mirror[node]][nth[row]] for row, node in enumerate(rotation_nodes.tolist())], dtype=int)
     except (KeyError, IndexError):
-        raise ValueError("a frame has no mirror image although the structure is to be halved") from None
+        raise ValueError("a nodal rotation has no mirror image although the structure is to be halved") from None
 
 
 class RigidLinks:
-    """Reduction of a structure's unknowns with free riders, (w,) on a pattern, to its unknowns (q,), built once."""
+    """Reduction of a structure's unknowns with free dependent nodes, (w,) on a pattern, to its unknowns (q,), built
+    once.
+    """
 
-    def __init__(self, structure, wide, unknowns):
-        self._arms, self._carriers, self._riders = structure.arms, structure.carriers, structure.riders
+    def __init__(self, structure, unreduced, unknowns):
+        self._arms, self._rotations = structure.arms, structure.link_rotations
+        self._dependent, self._reference = structure.dependent_nodes, structure.reference_nodes
         self._count = unknowns.count
         n = len(structure.nodes)
-        of_rider = np.full(n, -1)
-        of_rider[structure.riders] = np.arange(len(structure.riders))
-        dofs = wide.first[unknowns.count :]  # of the riders that are solved for
-        row, axis = of_rider[dofs // 3], dofs % 3
-        node, frame = structure.frames[structure.carriers[row]], structure.carriers[row]
-        spins = 3 * (n + frame)[:, None] + np.arange(3)
-        targets = np.column_stack([3 * node + axis, spins])  # (riders' dofs, 4)
+        link_of = np.full(n, -1)
+        link_of[self._dependent] = np.arange(len(self._dependent))
+        dofs = unreduced.first[unknowns.count :]  # of the dependent nodes that are solved for
+        row, axis = link_of[dofs // 3], dofs % 3
+        spins = 3 * (n + self._rotations[row])[:, None] + np.arange(3)
+        targets = np.column_stack([3 * self._reference[row] + axis, spins])  # (dependent dofs, 4)
         index, sign = unknowns.index[targets], unknowns.sign[targets]
         value = np.column_stack([np.full(len(row), -1), 9 * row[:, None] + 3 * axis[:, None] + np.arange(3)])
         keep = (index >= 0) & (value % 9 % 4 != 0) | (index >= 0) & (value < 0)  # a spin's diagonal is zero
@@ -154,41 +161,43 @@ class RigidLinks:
         self._block_sign = signs[:, :, None] * signs[:, None, :]
 
     def factors(self, rotations):
-        """Entries of the derivative of the riders with respect to the unknowns, and the arms rho (k,3) m."""
-        rho = np.einsum("kij,kj->ki", rotations[self._carriers], self._arms)
+        """Entries of the derivative of the dependent nodes by the unknowns, and the arms rho (k,3) m."""
+        rho = np.einsum("kij,kj->ki", rotations[self._rotations], self._arms)
         moving = -spin(rho).reshape(-1)
         return self._sign * np.where(self._value < 0, 1.0, moving[self._value]), rho
 
-    def place(self, x, rotations, frames):
-        """Put the riders of the positions x (n,3) m where they belong."""
-        x[self._riders] = x[frames[self._carriers]] + np.einsum("kij,kj->ki", rotations[self._carriers], self._arms)
+    def place(self, x, rotations):
+        """Put the dependent nodes of the positions x (n,3) m where they belong."""
+        x[self._dependent] = x[self._reference] + np.einsum("kij,kj->ki", rotations[self._rotations], self._arms)
 
-    def carry(self, dx, spins, rotations, frames):
-        """Give the riders their displacements among dx (n,3) m, from those of their carriers and `spins` (r,3) rad."""
-        rho = np.einsum("kij,kj->ki", rotations[self._carriers], self._arms)
-        dx[self._riders] = dx[frames[self._carriers]] + cross(spins[self._carriers], rho)
+    def displace(self, dx, spins, rotations):
+        """Give the dependent nodes their displacements among dx (n,3) m: those of their reference nodes, and what
+        `spins` (r,3) rad add.
+        """
+        rho = np.einsum("kij,kj->ki", rotations[self._rotations], self._arms)
+        dx[self._dependent] = dx[self._reference] + cross(spins[self._rotations], rho)
 
-    def forces(self, wide, factors):
-        """Generalised forces (q,) of those (w,) with free riders."""
-        carried = np.bincount(self._to, factors * wide[self._count :][self._from], minlength=self._count)
-        return wide[: self._count] + carried
+    def forces(self, unreduced, factors):
+        """Generalised forces (q,) of those (w,) with free dependent nodes."""
+        transferred = np.bincount(self._to, factors * unreduced[self._count :][self._from], minlength=self._count)
+        return unreduced[: self._count] + transferred
 
     def pattern(self, rows, columns):
-        """Rows and columns of the reduced tangent, from those of the wide one; kept for `stiffness`."""
+        """Rows and columns of the reduced tangent, from those of the unreduced one; kept for `stiffness`."""
         entries = np.arange(len(rows))
         begin = np.searchsorted(self._from, np.arange(self._from[-1] + 2 if len(self._from) else 1))
 
         def spread(entry, at, factor, other, other_factor):
-            """Replace wide indices `at` by those of the unknowns they depend on."""
-            riding = at >= self._count
-            j = np.where(riding, at - self._count, 0)
-            start = np.where(riding, begin[j], 0)
-            number = np.where(riding, begin[np.minimum(j + 1, len(begin) - 1)] - start, 1)
+            """Replace unreduced indices `at` by those of the unknowns they depend on."""
+            dependent = at >= self._count
+            j = np.where(dependent, at - self._count, 0)
+            start = np.where(dependent, begin[j], 0)
+            number = np.where(dependent, begin[np.minimum(j + 1, len(begin) - 1)] - start, 1)
             take = np.repeat(np.arange(len(at)), number)
             nth = np.arange(len(take)) - np.repeat(np.cumsum(number) - number, number)
             source = start[take] + nth
-            new = np.where(riding[take], self._to[np.where(riding[take], source, 0)], at[take])
-            new_factor = np.where(riding[take], 1 + source, factor[take])
+            new = np.where(dependent[take], self._to[np.where(dependent[take], source, 0)], at[take])
+            new_factor = np.where(dependent[take], 1 + source, factor[take])
             return entry[take], new, new_factor, other[take], other_factor[take]
 
         none = np.zeros(len(rows), dtype=int)
@@ -200,11 +209,13 @@ class RigidLinks:
         self._block_keep = keep
         return np.concatenate([row, r[keep]]), np.concatenate([column, c[keep]])
 
-    def stiffness(self, target, nnz, data, wide_residual, factors, rho):
-        """Data (nnz,) of the reduced tangent from the wide one's; `target` is where the entries of `pattern` go."""
+    def stiffness(self, target, nnz, data, residual, factors, rho):
+        """Data (nnz,) of the reduced tangent from those of the unreduced one and its `residual` (w,); `target` is where
+        the entries of `pattern` go.
+        """
         f = np.concatenate([[1.0], factors])
         row, axis = self._own
-        force = wide_residual[self._count :]
+        force = residual[self._count :]
         arm = rho[row]
         unit = np.eye(3)[axis]
         second = 0.5 * (arm[:, :, None] * unit[:, None, :] + unit[:, :, None] * arm[:, None, :])

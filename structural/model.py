@@ -22,40 +22,47 @@ class Structure:
     """Everything that does not change while loads and the values of elements do.
 
     `nodes` (n,3) reference positions m, `fixed` (n,3) bool supported directions, `groups` of elements, `load_groups`
-    name -> where loads of that name act. What turns with nodes are the `frames` (r,), the node of each (a node has one,
-    or one for each beam that is hinged to it), `clamped` (r,3) bool says about which fixed axes they cannot turn.
-    `riders` (k,) are nodes at a fixed place in a frame: rigid links to the `carriers` (k,), frames.
+    name -> where loads of that name act. `rotation_nodes` (r,) are the nodes of the nodal rotations (a node with
+    rotational dofs has one, or one for each beam that is hinged to it), `fixed_rotations` (r,3) bool their supported
+    directions, about fixed axes. Rigid links join the `dependent_nodes` (k,) to reference nodes, whose nodal rotations
+    are `link_rotations` (k,).
     """
 
     nodes: np.ndarray
     fixed: np.ndarray
     groups: tuple[ElementGroup, ...] = ()
     load_groups: Mapping[str, LoadGroup] = field(default_factory=dict)
-    frames: np.ndarray = field(default_factory=_none)
-    clamped: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
-    riders: np.ndarray = field(default_factory=_none)
-    carriers: np.ndarray = field(default_factory=_none)
+    rotation_nodes: np.ndarray = field(default_factory=_none)
+    fixed_rotations: np.ndarray = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
+    dependent_nodes: np.ndarray = field(default_factory=_none)
+    link_rotations: np.ndarray = field(default_factory=_none)
+
+    @property
+    def reference_nodes(self):
+        """The reference node (k,) of each rigid link."""
+        return self.rotation_nodes[self.link_rotations]
 
     @property
     def arms(self):
-        """Rigid links (k,3) m from the node of the carrier to the rider in the reference configuration."""
-        return self.nodes[self.riders] - self.nodes[self.frames[self.carriers]]
+        """Rigid links (k,3) m from reference to dependent node in the reference configuration."""
+        return self.nodes[self.dependent_nodes] - self.nodes[self.reference_nodes]
 
     @property
-    def unturned(self):
-        """Rotation matrices (r,3,3) of the frames in the reference configuration; None without frames."""
-        return np.broadcast_to(np.eye(3), (len(self.frames), 3, 3)).copy() if len(self.frames) else None
+    def initial_rotations(self):
+        """Nodal rotations (r,3,3) of the reference configuration, unit matrices; None without rotational dofs."""
+        r = len(self.rotation_nodes)
+        return np.broadcast_to(np.eye(3), (r, 3, 3)).copy() if r else None
 
     @property
     def reference(self):
         """The reference configuration, at rest."""
-        return Configuration(self.nodes, self.unturned)
+        return Configuration(self.nodes, self.initial_rotations)
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
     """External loads: `dead` (n,3) N on nodes, `on` name of a load group -> what acts there (none: nothing), `moment`
-    (r,3) N m about fixed axes on frames, None without.
+    (r,3) N m about fixed axes on the nodal rotations, None without.
     """
 
     dead: np.ndarray

@@ -10,9 +10,9 @@ from interface import MIRROR, StepFailed, Variable
 from .wing import VortexStep, WingSensitivity
 
 # Difference of mirrored points, m, that still counts as symmetric: what a half structure leaves by rounding.
-LOPSIDED = 1e-9
+POSITION_ASYMMETRY = 1e-9
 # Difference of mirrored velocities, m/s, likewise.
-SPEED_LOPSIDED = 1e-6
+VELOCITY_ASYMMETRY = 1e-6
 
 
 class VortexStepModel(AeroModel):
@@ -69,8 +69,8 @@ class VortexStepModel(AeroModel):
     def solve(self, flow: Flow, values, state=None):
         """See AeroModel."""
         symmetric = bool(values["symmetric"]) and flow.direction[1] == 0.0 and self._mirrored_polars
-        symmetric = symmetric and self._mirrored(flow.nodes, LOPSIDED)
-        symmetric = symmetric and (flow.velocity is None or self._mirrored(flow.velocity, SPEED_LOPSIDED))
+        symmetric = symmetric and self._mirrored(flow.nodes, POSITION_ASYMMETRY)
+        symmetric = symmetric and (flow.velocity is None or self._mirrored(flow.velocity, VELOCITY_ASYMMETRY))
         wing = self.wing.in_air(flow.density)
         with np.errstate(all="ignore"):
             try:

@@ -149,26 +149,26 @@ def _structure(scene: Scene) -> str:
     }
     listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
     lines = "lines take tension only, and " if np.any(~two_way) else ""
-    text = texts.MOVING_STRUCTURE if scene.moves else texts.STRUCTURE
+    text = texts.TRANSIENT_STRUCTURE if scene.transient else texts.STRUCTURE
     return text.format(counts=listed, weight=" and the weight", lines=lines)
 
 
 def _flow(scene: Scene) -> str:
     mesh = scene.interface
-    moving = texts.MOVING_FLOW if scene.moves else ""
+    relative = texts.RELATIVE_WIND if scene.transient else ""
     model = scene.wing_model
     if model is None:
-        return texts.LINE_FLOW.format(lines=len(mesh.lines), moving=moving)
+        return texts.LINE_FLOW.format(lines=len(mesh.lines), relative=relative)
     strips = "" if model.strips is None else texts.ON_STRIPS.format(strips=len(model.strips.sections) - 1)
     lines = f"; and of {len(mesh.lines)} exposed pieces of lines" if len(mesh.lines) else ""
-    return texts.FLOW.format(method=model.title, strips=strips, lines=lines, moving=moving)
+    return texts.FLOW.format(method=model.title, strips=strips, lines=lines, relative=relative)
 
 
 def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
     """Order of exchange, signs, and a table for every kind of thing that an index counts."""
     blocks = instance.blocks
     loads = [f"<code>{name}</code>" for name in LOADS if name in blocks]
-    order = texts.IN_TIME if scene.moves else texts.EXCHANGE
+    order = texts.TRANSIENT_EXCHANGE if scene.transient else texts.EXCHANGE
     text = (order if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
     if "trim_angle" in blocks and scene.pivot is not None:
         place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())

@@ -11,7 +11,7 @@ from fmus.description import scalar_names
 from interface import StepFailed, Variable
 from scenes import Scene
 
-STEPS = 5  # communication steps: of 1 s, or what a scene of motion usually takes
+STEPS = 5  # communication steps: of 1 s, or the usual one of a transient scene
 # To compare with on another machine. Rounding and the solvers' tolerances move results by some 1e-11 of a variable.
 RELATIVE = ABSOLUTE = 1e-6
 SOLVERS = ("residual", "newton_iterations")  # how a solver got there, no result: other on every machine
@@ -26,7 +26,7 @@ def reference_tables(
     """Side -> inputs and results of its FMU as CSV texts, from a coupled exchange of the two solvers.
 
     A row of inputs holds from its time on, for a communication step; a row of results holds at its time, the first
-    after the initialisation; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow steps
+    after initialization mode; it has the interface, and all outputs but long ones and those of `SOLVERS`. The flow goes
     first, as in the explicit scheme. Without a flow the panels, if any, are pressed by 1, 2, 3 Pa and so on. Where a
     solver cannot complete a step the tables end before it. Numbers are exact: the shortest that are read back to the
     same bits. `cores` of the scene, where there are some, take the parameters and are as they were otherwise.
@@ -47,7 +47,7 @@ def reference_tables(
 def _exchanged(scene: Scene, cores: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
     structure, flow = cores["structural"], cores.get("aero")
     dt = scene.communication_step
-    if flow is not None:  # its first inputs are set while it is initialised
+    if flow is not None:  # its first inputs are set in initialization mode
         _shown(structure, flow)
         flow.look()
     inputs: dict[str, list[list[Any]]] = {side: [] for side in cores}

@@ -24,14 +24,14 @@ result does not depend on the size of a step.</p>
 <table><tr><th>name</th><th>shape</th><th>causality</th><th>unit</th><th>description</th></tr>
 {interface}
 </table>
-<p>{naming} Inputs start at what the model description says; outputs are right from the initialisation on.</p>
+<p>{naming} Inputs start at what the model description says; outputs are right from initialization mode on.</p>
 <h2>Parameters</h2>
 <table><tr><th>name</th><th>shape</th><th>unit</th><th>start</th><th>min</th><th>max</th><th>variability</th>
 <th>description</th></tr>
 {parameters}
 </table>
-<p>A tunable parameter may be set at any time, a fixed one before the first step only: before or during the
-initialisation. Where there is no bound there is a dash; values outside are refused.</p>
+<p>A tunable parameter may be set at any time, a fixed one until initialization mode is
+left. Where there is no bound there is a dash; values outside are refused.</p>
 <h2>Other outputs</h2>
 <table><tr><th>name</th><th>shape</th><th>unit</th><th>description</th></tr>
 {outputs}
@@ -39,14 +39,14 @@ initialisation. Where there is no bound there is a dash; values outside are refu
 {scene}{reference}<h2>Steps that fail, values that are refused, states</h2>
 <p>A step that the solver cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other
 inputs or restore a state, then step on.{discarded}</p>
-<p>A value that is not finite or out of bounds, an output, a fixed parameter after the initialisation, a variable that
+<p>A value that is not finite or out of bounds, an output, a fixed parameter after initialization mode, a variable that
 is set as another type than its own and a call out of order are refused where they come: the call returns fmi2Error, the
 reason is logged (category logStatusError), the old value stays, and the next step is discarded once, for hosts that
 look at steps only. A vector that does not fit as a whole is refused by the next step. Reasons are logged unless the
 host turns logging off.{binary}</p>
 <p>The complete state can be saved, restored and serialised; what follows a restored state is the same to the last bit,
-in another process too. Bytes that are not a state are refused. States are pickles of Python: restore only your
-own.</p>
+in another process too. Bytes that are not a state are refused. A serialised state is numbers and texts (npz and JSON):
+no code is run when it is read.</p>
 <h2>External dependencies</h2>
 {dependencies}
 <h2>Licences</h2>
@@ -80,18 +80,19 @@ OF_TUBES = """; tubes as thick as they are, the mesh inside the canopy left out"
 OF_FLOW = """exposed lines, where there are any, grey"""
 
 STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
-interface{weight}; {lines}pressure follows the deformed surface. There is no motion in time."""
-MOVING_STRUCTURE = """This FMU is its structure: {counts}, with masses on the nodes and dampers in the elements. Each
-step integrates the motion over the communication step under the loads on the interface{weight}; {lines}pressure
-follows the deformed surface. While <code>loads_vary</code> is true loads go linearly from those of the step before to
-the present ones, as suits masters that iterate; for those that step once, the explicit scheme, set it to false."""
+interface{weight}; {lines}pressure follows the deformed surface. The scene is quasi-static: nothing has inertia."""
+TRANSIENT_STRUCTURE = """This FMU is its structure: {counts}, with masses on the nodes and dampers in the elements. The
+scene is transient: each step integrates the motion over the communication step under the loads on the
+interface{weight}; {lines}pressure follows the deformed surface. While <code>loads_vary</code> is true loads go linearly
+from those of the step before to the present ones, as suits masters that iterate; for those that step once, the explicit
+scheme, set it to false."""
 FLOW = """This FMU is the flow around it: {method}, in a uniform wind{strips}{lines}. Each step finds the loads on every
-panel. The flow is steady{moving}."""
+panel. The flow is steady{relative}."""
 ON_STRIPS = """, on {strips} strips of the displaced wing"""
 # Titles of tables of what models of the flow count by themselves.
 OF_MODEL = {"strip": "Strips: index i of {indexed}, left tip first; their panels from front to rear"}
-LINE_FLOW = """This FMU is the wind on {lines} exposed pieces of lines{moving}."""
-MOVING_FLOW = """, in the wind relative to each part, at the end of the step"""
+LINE_FLOW = """This FMU is the wind on {lines} exposed pieces of lines{relative}."""
+RELATIVE_WIND = """, in the wind relative to each part, at the end of the step"""
 
 OWN_BINARY = """<p>Python 3.11 or newer with numpy and scipy; the versions that it was built with are in
 <code>documentation/externalDependencies.txt</code>. Hosts that are Python programs need nothing else if these are
@@ -163,7 +164,7 @@ displacement that the structural one starts with. Give both FMUs the same value 
 of this project). A kite may have several equilibria (folded tips; rolled over, once <code>symmetric</code> is off or
 an input is not symmetric), so look at <code>CL</code> and <code>tip_span</code> of the one that was reached.</p>
 """
-IN_TIME = """<h2>Order of exchange</h2>
+TRANSIENT_EXCHANGE = """<h2>Order of exchange</h2>
 <p>Per communication step, as a master that steps in turn does it: give the aerodynamic FMU the
 <code>displacement</code> and <code>velocity</code> of the structural one and step it; give the structural FMU its
 {loads} and step it over the same time. Once a step is the explicit scheme, of first order in the step; repeated from
@@ -179,7 +180,7 @@ TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design s
 pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the
 angle at which wind and weight leave no pitching moment in the wind given there. In another wind, or far from that
 angle, the first steps are further from equilibrium and may fail, or lead to another one. Give both FMUs the same
-value before they are initialised.</p>
+value before they are initialized.</p>
 """
 SIGNS = """<h2>Indices and signs</h2>
 <p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from

@@ -33,7 +33,7 @@ def structural_interface(nodes, struts, per_bay):
 
 
 def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
-    """Sections (d,3) of the design wing riding on the struts.
+    """Sections (d,3) of the design wing, which follow the struts.
 
     Every interface node is an affine combination of the strut nodes around it: the bilinear weights of its projection
     on the bay, extended beyond the edges, plus the smallest change that hits the point exactly. Affine combinations

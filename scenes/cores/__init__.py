@@ -1,4 +1,4 @@
-"""Solver cores of scenes: a structural one at rest or in motion, an aerodynamic one, each behind named blocks."""
+"""Solver cores of scenes: a structural one, quasi-static or transient, an aerodynamic one, each behind named blocks."""
 
 from .core import Core, CoreState, Result, Solver
 

@@ -101,9 +101,9 @@ class Core:
         self._outputs, self._started = Outputs.OUTDATED, False
         self._derivative: Any = None  # then, as soon as it is asked for
         self._require_starts()
-        begun = solver.begin(self._values)
-        self._state = begun.state
-        self._take(replace(begun, state=None))
+        initial = solver.begin(self._values)
+        self._state = initial.state
+        self._take(replace(initial, state=None))
 
     def _require_starts(self) -> None:
         name = self.solver.name

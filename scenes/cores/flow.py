@@ -31,7 +31,7 @@ class FlowState:
 class FlowSolver(Solver):
     """Loads of the models of a scene's flow, `wing` first where it has one, in a uniform wind.
 
-    In a scene of motion the interface moves: every part meets the wind minus its own velocity. The wind of a step is
+    In a transient scene the interface moves: every part meets the wind minus its own velocity. The wind of a step is
     that at its end. Until the first step every solve starts without a state, so that to look changes no later result.
     """
 
@@ -42,7 +42,7 @@ class FlowSolver(Solver):
         self._outputs = [{v.name for v in m.variables if v.causality == "output"} for m in self.models]
         self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
         self.variables = tuple(self._declared(scene.aero))
-        around = "lines alone" if wing is None else "a wing in motion" if scene.moves else ""
+        around = "lines alone" if wing is None else "the wing of a transient scene" if scene.transient else ""
         if around:
             remedy = "use a scheme that needs none"
             self.refuses_derivatives = f"the flow around {around} has no directional derivatives; {remedy}."
@@ -55,10 +55,10 @@ class FlowSolver(Solver):
             text = "rigid nose-up rotation about the pivot in which the wing starts"
             fixed = partial(Variable, causality="parameter", variability="fixed", unit="rad", description=text)
             yield fixed("trim_angle", minimum=-3.2, maximum=3.2)
-        # the order of value references in FMUs: in motion the loads on lines stand beside their sum
-        later = self._lines.variables if self._scene.moves and self._lines is not None else ()
+        # the order of value references in FMUs: in transient scenes the loads on lines stand beside their sum
+        later = self._lines.variables if self._scene.transient and self._lines is not None else ()
         yield from (v for v in of_models if v.name in LOADS and v not in later)
-        if self._scene.moves:
+        if self._scene.transient:
             text, start = "wind speed with the gust", aero.wind_speed
             yield Variable("present_wind_speed", causality="output", unit="m/s", start=start, description=text)
         if self._wing is not None:
@@ -73,7 +73,7 @@ class FlowSolver(Solver):
     def _air(self, aero):
         of_node = partial(Variable, shape=(len(self._interface.nodes), 3), counts="interface node")
         yield of_node("displacement", unit="m", description="interface displacement from the reference configuration")
-        if self._scene.moves:
+        if self._scene.transient:
             yield of_node("velocity", unit="m/s", description="velocity of the interface nodes")
         tunable = partial(Variable, causality="parameter", variability="tunable")
         text = "wind speed at the wing" if self._wing is not None else "wind speed at the lines"
@@ -83,7 +83,7 @@ class FlowSolver(Solver):
         yield tunable("wind_direction", (3,), start=np.array(aero.wind_direction), description=text)
         start, text = aero.air_density, "density of the air"
         yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
-        if self._scene.moves:
+        if self._scene.transient:
             gust = self._scene.dynamics
             text = (
                 "height of gusts: wind_speed + gust_speed (1 - cos(2 pi t / gust_duration)) / 2, t since its beginning"
@@ -100,7 +100,7 @@ class FlowSolver(Solver):
     def _totals(self, aero):
         output = partial(Variable, causality="output")
         area = f"of the wing on the reference area {aero.reference_area:g} m2"
-        area += " and wind_speed, without gusts" if self._scene.moves else ""
+        area += " and wind_speed, without gusts" if self._scene.transient else ""
         yield output("CL", description=f"lift coefficient {area}")
         yield output("CD", description=f"drag coefficient {area}")
         yield output("CS", description=f"side force coefficient {area}")
@@ -131,7 +131,7 @@ class FlowSolver(Solver):
         return Result(self._wind(values, state) if block in ("wind_speed", *GUSTS) else {})
 
     def _wind(self, values, state):
-        if not self._scene.moves:
+        if not self._scene.transient:
             return {}
         return {"present_wind_speed": self._gusts(values).speed(float(values["wind_speed"]), state.time)}
 
@@ -142,13 +142,13 @@ class FlowSolver(Solver):
     def _speed(self, values, at):
         """Wind speed m/s at a time s; StepFailed where gusts leave none."""
         steady = float(values["wind_speed"])
-        return self._gusts(values).checked_speed(steady, at) if self._scene.moves else steady
+        return self._gusts(values).checked_speed(steady, at) if self._scene.transient else steady
 
     def must_step(self, values, state, t, dt):
-        """See Solver: where the wind is another, or a model remembers the step before."""
-        if self._scene.moves and self._speed(values, t + dt) != float(values["present_wind_speed"]):
+        """See Solver: where the wind is another, or a model depends on the step before."""
+        if self._scene.transient and self._speed(values, t + dt) != float(values["present_wind_speed"]):
             return True
-        return any(m.remembers(values) for m in self.models)
+        return any(m.history_dependent(values) for m in self.models)
 
     def repeated(self, values, state, first, t, dt):
         """See Solver."""
@@ -157,7 +157,7 @@ class FlowSolver(Solver):
 
     def look(self, values, state):
         """See Solver: the loads on the wing and the lines as they start."""
-        speed = float(values["present_wind_speed"] if self._scene.moves else values["wind_speed"])
+        speed = float(values["present_wind_speed"] if self._scene.transient else values["wind_speed"])
         return self._solved(values, self._flow(values, speed), None, state.time)
 
     def step(self, values, state, first, t, dt):
@@ -166,7 +166,7 @@ class FlowSolver(Solver):
         return self._solved(values, flow, None if first else state.models, self._end(t, dt))
 
     def _end(self, t, dt):
-        return t + dt if self._scene.moves else 0.0
+        return t + dt if self._scene.transient else 0.0
 
     def _flow(self, values, speed, dt=0.0):
         direction = values["wind_direction"]
@@ -183,7 +183,7 @@ class FlowSolver(Solver):
                 odd = ", ".join(sorted(response.outputs.keys() ^ outputs))
                 raise TypeError(f"{model.title} does not give the outputs that it declares: they differ in {odd}.")
         out = {k: v for response in found for k, v in response.outputs.items()}
-        if self._scene.moves:
+        if self._scene.transient:
             out["present_wind_speed"] = flow.speed
         if self._wing is not None:
             area, steady = self._scene.aero.reference_area, float(values["wind_speed"])
@@ -197,8 +197,8 @@ class FlowSolver(Solver):
     def derivative(self, values, state):
         """Of the loads along directions in the displacement, on the shape of the last step."""
         for model in self.models:
-            if model.remembers(values):
-                raise ValueError(f"{model.title} remembers the step before and has no directional derivatives.")
+            if model.history_dependent(values):
+                raise ValueError(f"{model.title} depends on the step before and has no directional derivatives.")
         flow = self._flow(values, float(values["wind_speed"]))
         along = [m.derivative(flow, values, kept) for m, kept in zip(self.models, state.models, strict=True)]
 

@@ -1,4 +1,4 @@
-"""The structural solver of a scene at rest: loads in, interface displacements out."""
+"""The structural solver of a quasi-static scene: loads in, interface displacements out."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,12 @@ from .structural_variables import static_variables
 from .structure import StructuralModel
 
 # Young's modulus Pa to which lines are softened for the start of a first solve.
-EASED = 1e9
+START_MODULUS = 1e9
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Positions `x` (n,3) m and `rotations` (r,3,3) of the frames, None without any: where the next solve starts."""
+    """Positions `x` (n,3) m and nodal `rotations` (r,3,3), None without any: where the next solve starts."""
 
     x: np.ndarray
     rotations: np.ndarray | None
@@ -63,7 +63,9 @@ class Statics(Solver):
         groups, loads, held = model.groups(values), model.loads(values), self._is_held(values)
         symmetric = model.symmetric(values, groups, (loads,), state.x)
         assembly, tolerance = model.assembly(symmetric, held), float(values["solver_tolerance"])
-        start = self._eased(assembly, values, loads, state) if first and model.members.wing is not None else state
+        start = (
+            self._softened_start(assembly, values, loads, state) if first and model.members.wing is not None else state
+        )
         found = equilibrium(assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations)
         if not found.converged:
             moved = np.linalg.norm(found.x - state.x, axis=1)
@@ -89,14 +91,14 @@ class Statics(Solver):
     def _is_held(values):
         return bool(values.get("hold_roll_and_yaw", False))
 
-    def _eased(self, assembly, values, loads, state):
+    def _softened_start(self, assembly, values, loads, state):
         """The shape to start the first solve from: the equilibrium with softened lines.
 
         In the design shape of a full bridle many lines are far off their rest lengths; stiff ones make Newton crawl
-        from kink to kink. Softened to EASED they let the kite find its pose, from where the stiff ones are near. Only
-        the start depends on it.
+        from kink to kink. Softened to START_MODULUS they let the kite find its attitude, from where the stiff ones are
+        near. Only the start depends on it.
         """
-        soft = self.model.softened(self.model.chains(values), EASED)
+        soft = self.model.softened(self.model.chains(values), START_MODULUS)
         if soft is None:
             return state
         on = loads.on.get("panels")
@@ -106,7 +108,7 @@ class Statics(Solver):
         return Shape(near.x, near.rotations) if near.converged else state
 
     def _holding(self, groups, loads, shape, held):
-        """Reactions of the held node and frame: what the free structure is out of balance by."""
+        """Reactions of the held node: what the free structure is out of balance by."""
         if not held:
             return {"holding_force": 0.0, "holding_moment": np.zeros(3)}
         free, r = self._free_residual(groups, loads, shape)

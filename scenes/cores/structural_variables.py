@@ -12,7 +12,7 @@ whole = partial(output, kind="integer")
 
 
 def static_variables(scene, model):
-    """The variables of a structure at rest, one by one."""
+    """The variables of a quasi-static structure, one by one."""
     yield from _loads(scene)
     yield from _parameters(scene, model)
     yield from _solution(scene)
@@ -30,7 +30,7 @@ def static_variables(scene, model):
 
 
 def transient_variables(scene, model):
-    """The variables of a structure in motion, one by one."""
+    """The variables of a transient structure, one by one."""
     yield from _loads(scene)
     yield from _parameters(scene, model)
     yield from _motion(scene, model)
@@ -79,7 +79,7 @@ def _parameters(scene, model):
         text = f"dead load on each of the nodes {nodes}, in the directions of the scene's table"
         yield tunable(load.name, unit="N", start=load.start, description=text)
     if given.hold is not None:
-        text = "hold roll and yaw: side force and yawing moment on the frame of a node, reported as reactions"
+        text = "hold roll and yaw: side force and yawing moment on a node, reported as reactions"
         yield switch("hold_roll_and_yaw", description=text)
     if m.wing_mass.sum() > 0.0:
         text = "mass of springs and canopy together; their nodes' shares scale with it"
@@ -87,7 +87,7 @@ def _parameters(scene, model):
 
 
 def _motion(scene, model):
-    """Inputs and parameters of motion."""
+    """Inputs and parameters of the time integration."""
     dynamics = scene.dynamics
     for tape in model.tapes.starts:
         text = f"rate at which the rest length of {tape} grows by reeling, on top of changes of {tape} itself"

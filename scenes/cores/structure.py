@@ -19,7 +19,7 @@ from structural import (
 )
 
 from .holding import held_place, held_structure
-from .memory import Remembered
+from .memoised import Memoised
 from .symmetry import mirror_images, symmetric_groups, symmetric_state
 from .tapes import Tapes
 from .tube_sections import tube_beams, tube_state
@@ -29,7 +29,7 @@ class StructuralModel:
     """What a static and a transient core share. It has no state: all follows from values of blocks and a shape.
 
     `members` and `interface` are those of the scene, `mirror` (n,) the images of its nodes or None, `held` the node and
-    frame at which roll and yaw can be held or None.
+    nodal rotation at which roll and yaw can be held or None.
     """
 
     def __init__(self, scene):
@@ -38,10 +38,10 @@ class StructuralModel:
         self.tapes, self.held = Tapes(scene), held_place(scene)
         self.mirror = mirror_permutation(self.members.nodes)
         self._assemblies: dict[tuple[bool, bool], Assembly] = {}
-        self._beams = Remembered(self._tube_beams)
-        self._chains = Remembered(self._tape_chains)
-        self._groups = Remembered(lambda chains, beams: (*chains, *beams, *self.members.bending))
-        self._symmetric = Remembered(self._symmetric_groups)
+        self._beams = Memoised(self._tube_beams)
+        self._chains = Memoised(self._tape_chains)
+        self._groups = Memoised(lambda chains, beams: (*chains, *beams, *self.members.bending))
+        self._symmetric = Memoised(self._symmetric_groups)
 
     # Elements
 
@@ -85,7 +85,7 @@ class StructuralModel:
         return self.mirror is not None and np.array_equal(self.members.fixed, self.members.fixed[self.mirror])
 
     def _symmetric_groups(self, *groups):
-        return symmetric_groups(groups, self.mirror, self._structure.frames)
+        return symmetric_groups(groups, self.mirror, self._structure.rotation_nodes)
 
     @cached_property
     def images(self):
@@ -107,9 +107,10 @@ class StructuralModel:
         if w is None:
             return Structure(m.nodes, m.fixed, groups, loaded)
         beams = self.tubes_at(self.scene.structure.tube_pressure)
-        clamped = np.zeros((len(w.frames), 3), dtype=bool)
+        free = np.zeros((len(w.rotation_nodes), 3), dtype=bool)
         groups = (*m.chains, beams, *m.bending)
-        return Structure(m.nodes, m.fixed, groups, loaded, w.frames, clamped, w.riders, w.carriers)
+        links = w.dependent_nodes, w.link_rotations
+        return Structure(m.nodes, m.fixed, groups, loaded, w.rotation_nodes, free, *links)
 
     # Loads
 
@@ -144,7 +145,7 @@ class StructuralModel:
     # Shapes
 
     def start(self, values):
-        """Positions (n,3) m, and rotations (r,3,3) of the frames where there are some, to start from."""
+        """Positions (n,3) m, and nodal rotations (r,3,3) where there are some, to start from."""
         nodes, wing = self.members.nodes, self.members.wing
         angle = float(values["trim_angle"]) if "trim_angle" in values else 0.0
         turn = self.pivot is not None and angle != 0.0
@@ -152,11 +153,11 @@ class StructuralModel:
         if wing is None:
             return x, None
         about_y = rotated(np.eye(3), angle, np.zeros(3)).T if turn else np.eye(3)
-        return x, np.repeat(about_y[None], len(wing.frames), axis=0)
+        return x, np.repeat(about_y[None], len(wing.rotation_nodes), axis=0)
 
     def shown(self, values, x, rotations, chains=None):
-        """Outputs that follow from a shape: positions x (n,3) m, `rotations` (r,3,3) of the frames or None; of the
-        present chains, or of others.
+        """Outputs that follow from a shape: positions x (n,3) m, nodal `rotations` (r,3,3) or None; of the present
+        chains, or of others.
         """
         chains = self.chains(values) if chains is None else chains
         tension = np.concatenate([tensions(x, c) for c in chains])

@@ -3,11 +3,11 @@
 import numpy as np
 
 from interface.mirror import MIRROR, canonical_chains, canonical_faces, mirror_permutation, mirror_rows
-from structural.dofs import frame_images
+from structural.dofs import rotation_images
 
 # What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
 # solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
-ASYMMETRY, LOPSIDED = 1e-9, 1e-6
+LOAD_ASYMMETRY, POSITION_ASYMMETRY = 1e-9, 1e-6
 
 
 def mirror_images(interface):
@@ -20,16 +20,16 @@ def mirror_images(interface):
     return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
 
 
-def symmetric_groups(groups, mirror, frames):
+def symmetric_groups(groups, mirror, rotation_nodes):
     """Whether every element has a mirror image with the same properties, `mirror` (n,) being that of the nodes and
-    `frames` (r,) the node of each frame.
+    `rotation_nodes` (r,) the nodes of the nodal rotations.
     """
     try:
-        turned = frame_images(frames, mirror)
+        rotations = rotation_images(rotation_nodes, mirror)
     except ValueError:
         return False
     for group in groups:
-        rows = group.images(mirror, turned)
+        rows = group.images(mirror, rotations)
         if np.any(rows < 0) or any(np.any(a != a[rows]) for a in group.properties().values()):
             return False
     return True
@@ -43,7 +43,7 @@ def symmetric_state(loads, x, mirror, images):
 
     def mirrored(values, image, sign=1.0, scale=None):
         odd = np.abs(values - values[image] * sign).max(initial=0.0)
-        return odd <= ASYMMETRY * (np.abs(values).max(initial=0.0) if scale is None else scale)
+        return odd <= LOAD_ASYMMETRY * (np.abs(values).max(initial=0.0) if scale is None else scale)
 
     faces, along = loads.on.get("panels"), loads.on.get("lines")
     given = [a for a in (faces.pressure, faces.shear) if a is not None] if faces is not None else []
@@ -53,5 +53,5 @@ def symmetric_state(loads, x, mirror, images):
         and (faces is None or faces.shear is None or mirrored(faces.shear, panels, MIRROR, scale))
         and (along is None or mirrored(along.per_length, lines, MIRROR))
         and mirrored(loads.dead, mirror, MIRROR)
-        and np.abs(x - x[mirror] * MIRROR).max() <= LOPSIDED
+        and np.abs(x - x[mirror] * MIRROR).max() <= POSITION_ASYMMETRY
     )

@@ -1,4 +1,4 @@
-"""The structure of a scene in motion: loads in, displacements and velocities out, integrated step by step."""
+"""The structural solver of a transient scene: loads in, displacements and velocities out, integrated step by step."""
 
 from dataclasses import dataclass, field, replace
 
@@ -22,8 +22,8 @@ MOST_SUBSTEPS = 1e6  # of the integration within a communication step: none is m
 
 
 @dataclass(frozen=True, eq=False)
-class Moving:
-    """All nodes in motion: positions `x` m, velocities `v` m/s and accelerations `a` m/s^2, (n,3) each, what a two-step
+class TransientState:
+    """State of all nodes: positions `x` m, velocities `v` m/s and accelerations `a` m/s^2, (n,3) each, what a two-step
     scheme keeps of the step before (`past`: its size s, positions and velocities then), the `loads` at the end of the
     last step, and of each tape its rest length m then and the parameter m that it belonged to.
     """
@@ -71,7 +71,7 @@ class Transient(Solver):
     the rest lengths of tapes and reels.
     """
 
-    refuses_derivatives = "a structure in motion has no directional derivatives; use a scheme that needs none."
+    refuses_derivatives = "a transient structure has no directional derivatives; use a scheme that needs none."
 
     def __init__(self, scene):
         if scene.members.wing is not None:
@@ -96,7 +96,7 @@ class Transient(Solver):
     def begin(self, values):
         """See Solver."""
         x, _ = self.model.start(values)
-        state = Moving(x, np.zeros_like(x), np.zeros_like(x), lengths=self._lengths(values))
+        state = TransientState(x, np.zeros_like(x), np.zeros_like(x), lengths=self._lengths(values))
         return Result(self._shown(values, state), state)
 
     def _lengths(self, values):
@@ -133,12 +133,12 @@ class Transient(Solver):
         vary = state.loads is not None and bool(values["loads_vary"])
         air = self._air_mass(values, state.x)
         if first and bool(values["start_in_equilibrium"]):
-            state = self._settled(values, state, now)
+            state = self._start_in_equilibrium(values, state, now)
         window = Window(dt, (state.loads if vary else now, now), lengths, air)
         motion, symmetric = self._motion(values, state, window)
         begin = self._restricted(motion, state)
         if first or not vary:
-            begin = motion.again(begin)
+            begin = motion.restarted(begin)
         result = integrate(
             motion, begin, dt, self._integrator(values), float(values["longest_step"]),
             atol=float(values["solver_tolerance"]), energy=self._balance(values, motion, begin),
@@ -244,8 +244,10 @@ class Transient(Solver):
     def _expanded(motion, end, loads, lengths):
         """The state of all nodes from that of the unknowns."""
         u = motion.unknowns
-        past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.moves(end.past[2]))
-        return Moving(motion.positions(end.q), u.moves(end.v), u.moves(end.a), past, loads, lengths)
+        past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.displacements(end.past[2]))
+        return TransientState(
+            motion.positions(end.q), u.displacements(end.v), u.displacements(end.a), past, loads, lengths
+        )
 
     @staticmethod
     def _balance(values, motion, begin):
@@ -253,7 +255,7 @@ class Transient(Solver):
         sums = {k: float(values[name]) for name, k in ENERGIES.items() if k not in ("kinetic", "elastic")}
         return Balance(motion.kinetic_energy(begin), motion.elastic_energy(begin), **sums)
 
-    def _settled(self, values, state, loads):
+    def _start_in_equilibrium(self, values, state, loads):
         """The state at rest in equilibrium under the loads."""
         groups = self.model.groups(values)
         symmetric = self.model.symmetric(values, groups, (loads,), state.x)

@@ -10,7 +10,7 @@ def tube_beams(members, structure, law, pressure):
     tubes, nodes = members.wing.tubes, members.nodes
     l0 = np.linalg.norm(np.diff(nodes[tubes.ends], axis=1)[:, 0], axis=1)
     section = _section(tubes.radius, structure, law, pressure)
-    return Beams(tubes.ends, tubes.frames, reference_axes(nodes, tubes.ends), l0, section, tubes.names)
+    return Beams(tubes.ends, tubes.rotations, reference_axes(nodes, tubes.ends), l0, section, tubes.names)
 
 
 def _section(radius, structure, law, pressure):
@@ -31,6 +31,6 @@ def tube_state(x, rotations, beams, radius):
     """
     force = section_forces(x, rotations, beams)
     natural = natural_deformations(x, rotations, beams)
-    full = beams.section.fullness(force)
+    full = beams.section.utilisation(force)
     bend = np.linalg.norm(natural[:, 3:5] - natural[:, 1:3], axis=1) / beams.l0
     return full, np.abs(force[:, 0]) / beams.section.EA + bend * radius

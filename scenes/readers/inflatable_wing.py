@@ -10,8 +10,8 @@ from ..members import Tubes, WingMesh
 from ..schema import SceneError, StructureInput
 from .tables import name, names, positive, read_table
 
-# An attachment this close to a station, as part of the chord, rides on the beam node there instead of on one of its
-# own: shorter beams would only stiffen the numbers.
+# An attachment this close to a station, as part of the chord, depends on the beam node there instead of on one of
+# its own: shorter beams would only stiffen the numbers.
 SNAP = 0.02
 
 
@@ -44,7 +44,7 @@ class _Mesher:
         self.labels = list(labels)
         self.place = {label: i for i, label in enumerate(labels)}
         self.points = [np.array(p) for p in nodes]
-        self.frames: dict[tuple[int, str], int] = {}  # node, hinged tube or ""
+        self.rotations: dict[tuple[int, str], int] = {}  # node, hinged tube or "" -> nodal rotation
         self.beams: list[tuple[int, int, int, int, float, str]] = []
 
     def node(self, label, where):
@@ -63,8 +63,8 @@ class _Mesher:
         self.points.append(np.asarray(point, float))
         return self.place[label]
 
-    def frame(self, node, hinged=""):
-        return self.frames.setdefault((node, hinged), len(self.frames))
+    def rotation(self, node, hinged=""):
+        return self.rotations.setdefault((node, hinged), len(self.rotations))
 
     def ribs(self):
         """Leading and trailing edge nodes (ribs, 2) from the left tip to the right one."""
@@ -139,19 +139,19 @@ class _Mesher:
             diameters = table["start_diameter_m"][row], table["end_diameter_m"][row]
             self._lay_tube(label, path_nodes, diameters, hinges, attached.pop(label, []))
         on_tubes = {node for beam in self.beams for node in beam[:2]}
-        for rider, where in self.riders.items():
-            if rider in on_tubes:
-                raise SceneError(f"{where}: node '{self.labels[rider]}' is a part of a tube itself; drop the row.")
+        for node, where in self.dependent.items():
+            if node in on_tubes:
+                raise SceneError(f"{where}: node '{self.labels[node]}' is a part of a tube itself; drop the row.")
 
     def _attachments(self, tubes):
         """Tube -> nodes attached to it."""
-        self.links: list[tuple[int, int]] = []  # rider, carrying frame
-        self.riders: dict[int, str] = {}  # and the row that says so
+        self.links: list[tuple[int, int]] = []  # dependent node, nodal rotation of its reference node
+        self.dependent: dict[int, str] = {}  # node -> the row that says so
         if not self.structure.attachments:
             return {}
         table = read_table(self.folder / self.structure.attachments, {"node": name, "tube": name})
         out: dict[str, list[tuple[int, str]]] = {}
-        seen = self.riders
+        seen = self.dependent
         for row in range(len(table)):
             node = self.node(table["node"][row], table.at(row))
             if table["tube"][row] not in tubes:
@@ -162,7 +162,7 @@ class _Mesher:
                 )
             if self.fixed[node]:
                 raise SceneError(
-                    f"{table.at(row)}: node '{table['node'][row]}' is fixed; only free ones ride on a tube."
+                    f"{table.at(row)}: node '{table['node'][row]}' is fixed; only free ones can be attached to a tube."
                 )
             seen[node] = table.at(row)
             out.setdefault(table["tube"][row], []).append((node, table.at(row)))
@@ -173,7 +173,7 @@ class _Mesher:
         start, end = self.points[way[0][1]], self.points[way[-1][1]]
         axis = end - start
         own = {n for _, n in way}
-        carriers = []
+        references = []
         for node, where in attached:
             if node in own:
                 raise SceneError(f"{where}: the node is an end or a station of tube '{label}' already; drop the row.")
@@ -182,13 +182,13 @@ class _Mesher:
             if abs(near[0] - at) > SNAP:
                 near = (at, self.add(f"{label}_{round(1000 * at)}", start + at * axis))
                 way = sorted([*way, near])
-            carriers.append((node, near[1]))
+            references.append((node, near[1]))
         d0, d1 = diameters
         for k, ((f, a), (g, b)) in enumerate(pairwise(way)):
             radius = 0.5 * (d0 + 0.5 * (f + g) * (d1 - d0))
-            ends = [self.frame(n, label if n in hinges else "") for n in (a, b)]
+            ends = [self.rotation(n, label if n in hinges else "") for n in (a, b)]
             self.beams.append((a, b, *ends, radius, label if len(way) == 2 else f"{label}.{k + 1}"))
-        self.links += [(node, self.frame(carrier, label if carrier in hinges else "")) for node, carrier in carriers]
+        self.links += [(node, self.rotation(ref, label if ref in hinges else "")) for node, ref in references]
 
     def finished(self):
         nodes = np.array(self.points)
@@ -203,11 +203,10 @@ class _Mesher:
         length = np.linalg.norm(np.diff(nodes[tubes.ends], axis=1)[:, 0], axis=1)
         tube_length = np.bincount(tubes.ends.reshape(-1), np.repeat(0.5 * length, 2), minlength=len(nodes))
         springs, canopy = self._canopy(nodes)
-        frames = np.array([node for node, _ in self.frames], dtype=int)
+        rotation_nodes = np.array([node for node, _ in self.rotations], dtype=int)
         links = np.array(self.links, dtype=int).reshape(-1, 2)
-        return WingMesh(
-            nodes, tuple(self.labels), self.grid, tubes, frames, links[:, 0], links[:, 1], springs, canopy, tube_length
-        )
+        mesh = nodes, tuple(self.labels), self.grid, tubes, rotation_nodes
+        return WingMesh(*mesh, links[:, 0], links[:, 1], springs, canopy, tube_length)
 
     def _canopy(self, nodes):
         """Springs of the fabric between the grid lines, and the fabric's mass at the nodes.

@@ -199,8 +199,9 @@ def check_connected(folder, structure, labels, fixed, elements, wing):
             held[n] += 2.0 if 0 < i < len(e.nodes) - 1 or e.two_way or e.fabric else 1.0
     if wing is not None:
         held[wing.tubes.ends] += 2.0
-        held[wing.riders] += 2.0
-        joined += [*map(tuple, wing.tubes.ends), *zip(wing.riders, wing.frames[wing.carriers], strict=True)]
+        held[wing.dependent_nodes] += 2.0
+        links = zip(wing.dependent_nodes, wing.rotation_nodes[wing.link_rotations], strict=True)
+        joined += [*map(tuple, wing.tubes.ends), *links]
     for n, label in enumerate(labels):
         if held[n] == 0.0 and not fixed[n].all():
             raise SceneError(

@@ -1,4 +1,4 @@
-"""Form finding: the shape at rest, by the equilibrium engine or by letting damped particles settle."""
+"""Form finding: the shape at rest, by the equilibrium engine or by dynamic relaxation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,13 +21,13 @@ from .steps import linear_step
 
 Method = Literal["equilibrium", "viscous", "kinetic", "kinetic-q"]
 METHODS = ("equilibrium", "viscous", "kinetic", "kinetic-q")
-# A particle system whose out-of-balance force has grown by this much since the beginning is lost.
-LOST = 1e12
-# A start out of balance by less than this part of the load (without any, of what the start by uniform pull is out of
+# A particle system whose out-of-balance force has grown by this much since the beginning diverges.
+DIVERGED = 1e12
+# A start out of balance by less than this part of the load (without any, of what the start by force densities is out of
 # balance by) is kept. Newton iterations with members that push.
 NEAR, PUSHING = 1e-2, 50
 # Bounds of the common pull N relative to the load and to the stiffest element, within which it is sought.
-WEAKEST, STRONGEST = 1e-6, 1.0
+MIN_PULL, MAX_PULL = 1e-6, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +64,12 @@ def form_finding(
     """The equilibrium under `loads` near the node positions x0 (n,3) m, to `atol` N out of balance, or to what rounding
     of the coordinates leaves. `groups` replace the elements of the structure.
 
-    "equilibrium" is Newton's method on the static residual, and needs nothing else. The others step particles of
-    `mass` kg (one, or (n,)) through pseudo-time with linearly implicit Euler steps of `step` s, `max_steps` at most:
-    "viscous" with the damping of the elements; "kinetic" without, and brings all particles to rest whenever the kinetic
-    energy has fallen (Barnes; PSM thesis section 4.4); "kinetic-q" also puts them back to where a parabola through the
-    last three energies has its peak (eq. 4.10). Mass, step and damping are means: the form does not depend on them.
+    "equilibrium" is Newton's method on the static residual, and needs nothing else. The others are dynamic relaxation:
+    particles of `mass` kg (one, or (n,)) go through pseudo-time with linearly implicit Euler steps of `step` s,
+    `max_steps` at most: "viscous" with the damping of the elements; "kinetic" without, and brings all particles to rest
+    whenever the kinetic energy has fallen (Barnes; PSM thesis section 4.4); "kinetic-q" also puts them back to where a
+    parabola through the last three energies has its peak (eq. 4.10). Mass, step and damping are means: the form does
+    not depend on them.
 
     ValueError in one sentence for an unknown method, or values that cannot be.
     """
@@ -85,13 +86,14 @@ def form_finding(
     if method != "viscous":
         groups = tuple(group.undamped() for group in groups)
     masses = np.broadcast_to(np.asarray(mass, float), len(x0))
-    settling = _Settling(Motion(assembly, masses, loads, groups), scheme or ImplicitEuler(linear=True), x0, step, atol)
+    scheme = scheme or ImplicitEuler(linear=True)
+    relaxation = _DynamicRelaxation(Motion(assembly, masses, loads, groups), scheme, x0, step, atol)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        return settling.run(method, max_steps)
+        return relaxation.run(method, max_steps)
 
 
 def _balanced(assembly, groups, loads, x0, atol):
-    """The equilibrium, sought from x0 if that is nearly one, else from the net of uniform pull.
+    """The equilibrium, sought from x0 if that is nearly one, else from the net of equal force densities.
 
     From there elements may push at first: that evens out their lengths in a few Newton iterations where slack ones
     would have no stiffness. If all are taut then it is the answer already.
@@ -156,8 +158,8 @@ def force_density_start(assembly: Assembly, groups: Sequence[ElementGroup], load
             gap += float(np.sum(length - c.l0 - pull * length / (c.l0 * c.k)))
         return gap
 
-    low = np.log(WEAKEST * load)
-    high = np.log(max(max(float(np.max(c.k * c.l0)) for c in chains) * STRONGEST, 10.0 * WEAKEST * load) * 1e3)
+    low = np.log(MIN_PULL * load)
+    high = np.log(max(max(float(np.max(c.k * c.l0)) for c in chains) * MAX_PULL, 10.0 * MIN_PULL * load) * 1e3)
     if not too_long(low) > 0.0 > too_long(high):
         return None
     from scipy.optimize import brentq  # not loaded where no form is found
@@ -165,8 +167,8 @@ def force_density_start(assembly: Assembly, groups: Sequence[ElementGroup], load
     return assembly.positions(at_rest + moved / np.exp(brentq(too_long, low, high, xtol=1e-3)))
 
 
-class _Settling:
-    """Particles on their way to rest."""
+class _DynamicRelaxation:
+    """Particles on their way to rest, with viscous or kinetic damping."""
 
     def __init__(self, motion, scheme, x0, step, atol):
         self.motion, self.scheme, self.h, self.atol = motion, scheme, step, atol
@@ -187,7 +189,7 @@ class _Settling:
             if self.residuals[-1] <= self.atol:
                 status = "converged"
                 break
-            if not self.residuals[-1] <= LOST * max(self.residuals[0], self.atol):
+            if not self.residuals[-1] <= DIVERGED * max(self.residuals[0], self.atol):
                 status = "diverged"
                 break
             if steps == max_steps:

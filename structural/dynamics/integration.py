@@ -13,7 +13,7 @@ from .steps import StepSolver
 HALVINGS = 12
 # Attempts in a row, each of half the size of the one before or its other half, that a run makes at steps that cannot be
 # solved: what needs more is no jerk that passes but a load that is out of all proportion.
-PATIENCE = 40
+MAX_ATTEMPTS = 40
 # Bounds and safety factor of the change of size from step to step, as usual for one-step error control.
 SAFETY, SHRINK, GROW = 0.9, 0.2, 4.0
 # Steps of the smallest size relative to the run that still count as progress.
@@ -104,15 +104,15 @@ class _Run:
         self.refused = 0  # attempts since a step of whole size went through
         self.status, self.message = "finished", ""
         self.step = stop - state.t
-        self._ledger: _Ledger | None = None
+        self._energies: _EnergyBalance | None = None
         if isinstance(energy, Balance):
-            self._ledger = _Ledger(motion, state, replace(energy))
+            self._energies = _EnergyBalance(motion, state, replace(energy))
         elif energy:
             begin = Balance(motion.kinetic_energy(state), motion.elastic_energy(state))
-            self._ledger = _Ledger(motion, state, begin)
+            self._energies = _EnergyBalance(motion, state, begin)
 
     def result(self):
-        balance = None if self._ledger is None else self._ledger.balance
+        balance = None if self._energies is None else self._energies.balance
         parts = self.steps, self.rejected, self.iterations, balance, self.step
         return Integration(self.state, self.status, self.message, *parts)
 
@@ -146,7 +146,7 @@ class _Run:
             return True
         self.rejected += 1
         self.refused += 1
-        if halvings == 0 or self.refused > PATIENCE:
+        if halvings == 0 or self.refused > MAX_ATTEMPTS:
             return self._end("newton_failed", "The equations of a step could not be solved, however small it was")
         middle = 0.5 * (self.state.t + end)
         return self._reach(middle, halvings - 1) and self._reach(end, halvings - 1)
@@ -176,15 +176,15 @@ class _Run:
                 return
 
     def _accept(self, new):
-        if self._ledger is not None:
-            self._ledger.book(self.state, new)
+        if self._energies is not None:
+            self._energies.add(self.state, new)
         self.state = new
         self.steps += 1
         if self.callback is not None:
             self.callback(new)
 
 
-class _Ledger:
+class _EnergyBalance:
     """The energy `balance` of a run, kept from step to step with the forces at the end of the last one."""
 
     def __init__(self, motion, state, balance: Balance):
@@ -195,7 +195,7 @@ class _Ledger:
         _, damping, external = self._motion.forces(state.q, state.v, state.t)
         return external, damping, self._motion.reeling_power(state)
 
-    def book(self, old, new):
+    def add(self, old, new):
         """Add the energies of the step between two states."""
         b, before, motion = self.balance, self._powers, self._motion
         external, damping, heat = self._powers = self._forces(new)

@@ -78,11 +78,11 @@ class Mass:
 
 
 class Motion:
-    """M a + f_int(x, v) - f_ext(x, v, t) = 0 for the free nodes of an assembly without frames.
+    """M a + f_int(x, v) - f_ext(x, v, t) = 0 for the free nodes of an assembly without rotational dofs.
 
     `mass` (n,) kg on the nodes, or (n,3,3) where inertia has a direction as that of the air around a wing; `loads`;
     `groups` the elements with their damping (None: those of the structure); each is constant or a function of the time.
-    ValueError in one sentence for a free node without mass, negative masses, and structures with frames.
+    ValueError in one sentence for a free node without mass, negative masses, and structures with rotational dofs.
     """
 
     def __init__(
@@ -92,13 +92,15 @@ class Motion:
         loads: Callable[[float], Loads] | Loads,
         groups: Callable[[float], Sequence[ElementGroup]] | Sequence[ElementGroup] | None = None,
     ):
-        if len(assembly.structure.frames):
-            raise ValueError("nodes that turn (beams) have no place in a particle system; leave the beams out.")
+        if len(assembly.structure.rotation_nodes):
+            raise ValueError(
+                "nodes with rotational dofs (beams) have no place in a particle system; leave the beams out."
+            )
         self.assembly, self.unknowns = assembly, assembly.unknowns
-        self._mass, mass_moves = _function(mass)
-        self._loads, loads_move = _function(loads)
+        self._mass, mass_varies = _function(mass)
+        self._loads, loads_vary = _function(loads)
         self._groups, self.elements_change = _function(assembly.structure.groups if groups is None else groups)
-        self._constant = not (mass_moves or loads_move or self.elements_change)
+        self._constant = not (mass_varies or loads_vary or self.elements_change)
         self._at: tuple[float, Any] | None = None
 
     def mass(self, t: float) -> "Mass":
@@ -125,7 +127,7 @@ class Motion:
         speed = np.zeros_like(q) if v is None else self.unknowns.restrict(np.asarray(v, float))
         return State(t, q, speed, self.acceleration(q, speed, t))
 
-    def again(self, state: State) -> State:
+    def restarted(self, state: State) -> State:
         """The state after loads or elements have jumped: with the acceleration that they give now, and no past."""
         return State(state.t, state.q, state.v, self.acceleration(state.q, state.v, state.t))
 
@@ -149,7 +151,7 @@ class Motion:
 
     def velocities(self, v) -> np.ndarray:
         """Node velocities (n,3) m/s."""
-        return self.unknowns.moves(v)
+        return self.unknowns.displacements(v)
 
     def evaluated(self, q, v, t, isotropic=False):
         """Residual f_int - f_ext (u,) N, data of its derivatives by q and by v (None: zero), norm of f_ext N."""

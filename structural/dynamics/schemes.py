@@ -41,7 +41,8 @@ class Scheme(Protocol):
         """Estimate (u,) m of the error of the positions made in this step."""
 
 
-def _free_flight(state, h):
+def _predictor(state, h):
+    """Displacement (u,) m of a step at the present acceleration."""
     return h * state.v + 0.5 * h * h * state.a
 
 
@@ -62,8 +63,8 @@ class ImplicitEuler:
 
     def system(self, state, h):
         """See `Scheme`."""
-        flown = h * state.v
-        return StepSystem(1.0 / h**2, flown, 1.0 / h, np.zeros_like(flown), state.t + h, flown)
+        predictor = h * state.v
+        return StepSystem(1.0 / h**2, predictor, 1.0 / h, np.zeros_like(predictor), state.t + h, predictor)
 
     def advanced(self, state, h, d):
         """See `Scheme`."""
@@ -98,24 +99,24 @@ class GeneralisedAlpha:
         alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         return alpha_m, alpha_f, 0.25 * (1.0 - alpha_m + alpha_f) ** 2, 0.5 - alpha_m + alpha_f
 
-    def _flown(self, state, h, beta):
+    def _newmark_predictor(self, state, h, beta):
         return h * state.v + h * h * (0.5 - beta) * state.a
 
     def system(self, state, h):
         """See `Scheme`."""
         alpha_m, alpha_f, beta, gamma = self._factors
-        flown = (1.0 - alpha_f) * self._flown(state, h, beta)
+        predictor = (1.0 - alpha_f) * self._newmark_predictor(state, h, beta)
         speed = (1.0 - alpha_f) * (state.v + h * (1.0 - gamma) * state.a) + alpha_f * state.v
         cm, cw = (1.0 - alpha_m) / ((1.0 - alpha_f) * beta * h * h), gamma / (beta * h)
-        start = (1.0 - alpha_f) * _free_flight(state, h)
+        start = (1.0 - alpha_f) * _predictor(state, h)
         t = state.t + (1.0 - alpha_f) * h
-        return StepSystem(cm, flown - alpha_m / cm * state.a, cw, flown - speed / cw, t, start)
+        return StepSystem(cm, predictor - alpha_m / cm * state.a, cw, predictor - speed / cw, t, start)
 
     def advanced(self, state, h, d):
         """See `Scheme`."""
         _, alpha_f, beta, gamma = self._factors
         moved = d / (1.0 - alpha_f)
-        a = (moved - self._flown(state, h, beta)) / (beta * h * h)
+        a = (moved - self._newmark_predictor(state, h, beta)) / (beta * h * h)
         return State(state.t + h, state.q + moved, state.v + h * ((1.0 - gamma) * state.a + gamma * a), a)
 
     def local_error(self, state, new, h):
@@ -145,7 +146,7 @@ class BDF2:
         if state.past is None:
             return GeneralisedAlpha(0.0).system(state, h)
         bh, moved, v = self._past(state, h)
-        return StepSystem(1.0 / bh**2, moved + bh * v, 1.0 / bh, moved, state.t + h, _free_flight(state, h))
+        return StepSystem(1.0 / bh**2, moved + bh * v, 1.0 / bh, moved, state.t + h, _predictor(state, h))
 
     def advanced(self, state, h, d):
         """See `Scheme`."""

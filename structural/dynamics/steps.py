@@ -14,9 +14,9 @@ from .schemes import ImplicitEuler, StepSystem
 # Newton iterations of one step: more than one ever needs whose size suits the motion. What takes longer, as a stiff
 # line that becomes taut while it turns, is found sooner in two halves.
 STEP_ITERATIONS = 20
-# Simplified Newton iterations of one step; each must leave less than CONTRACTION of the residual, and if it leaves more
-# than QUICK the next has a tangent of its own.
-SIMPLIFIED, CONTRACTION, QUICK = 12, 0.5, 0.05
+# Modified Newton iterations of one step; each must leave less than CONTRACTION of the residual, and if it leaves more
+# than REUSE the next has a tangent of its own.
+MODIFIED, CONTRACTION, REUSE = 12, 0.5, 0.05
 
 
 class StepProblem:
@@ -25,7 +25,8 @@ class StepProblem:
     def __init__(self, motion: Motion, system: StepSystem, begin: np.ndarray, at: Configuration):
         self._motion, self._system, self._begin = motion, system, begin
         a = motion.assembly
-        self.turning, self.diagonal, self.norm, self._matrix = a.unknowns.turning, a.diagonal, a.unknowns.norm, a.matrix
+        self.rotational, self.diagonal = a.unknowns.rotational, a.diagonal
+        self.norm, self._matrix = a.unknowns.norm, a.matrix
         self.stiffest = stiffest(motion.groups(system.t), at)
         self._mass: Mass = motion.mass(system.t)
         self.scale: float | None = None  # norm N of forces and inertia of the first guess
@@ -59,8 +60,8 @@ class StepProblem:
 
 
 class StepSolver:
-    """Solves step after step: simplified Newton iterations with the factors of an earlier tangent while these contract,
-    whole ones of the equilibrium engine where they do not.
+    """Solves step after step: modified Newton iterations with the factors of an earlier tangent while these
+    contract, those of the equilibrium engine where they do not.
     """
 
     def __init__(self, motion, scheme, atol, rtol):
@@ -78,10 +79,10 @@ class StepSolver:
         reach = float(np.abs(at.x).max(initial=0.0))
         atol = max(self.atol, rounding_of_positions(motion.groups(system.t), at, reach))
         problem = StepProblem(motion, system, state.q, at)
-        d, count = self._simplified(problem, system, atol)
-        flight = float(np.abs(system.start).max(initial=0.0))
+        d, count = self._modified_newton(problem, system, atol)
+        predicted = float(np.abs(system.start).max(initial=0.0))
         for start in (system.start, np.zeros_like(state.q)) if d is None else ():
-            solve = Newton(problem, start, atol, self.rtol, max(1.0, 4.0 * flight))
+            solve = Newton(problem, start, atol, self.rtol, max(1.0, 4.0 * predicted))
             solve.run(STEP_ITERATIONS)
             count += solve.iterations
             if solve.status == "converged":
@@ -89,7 +90,7 @@ class StepSolver:
                 break
         return (None if d is None else scheme.advanced(state, h, d)), count
 
-    def _simplified(self, problem, system, atol):
+    def _modified_newton(self, problem, system, atol):
         """Solution (u,) m and iterations; None where they do not contract."""
         d, count = system.start, 0
         r = problem.residual(d)
@@ -97,7 +98,7 @@ class StepSolver:
         if self._of != (system.cm, system.cw):
             self._factors = None
         while not norm <= atol + self.rtol * problem.scale:
-            if count == SIMPLIFIED or not np.isfinite(norm):
+            if count == MODIFIED or not np.isfinite(norm):
                 return None, count
             if self._factors is None:
                 r, k, _ = problem.residual_and_tangent(d)
@@ -115,7 +116,7 @@ class StepSolver:
                 return None, count
             else:  # the old tangent will not do
                 r = problem.residual(d)
-            if not after <= QUICK * norm:
+            if not after <= REUSE * norm:
                 self._factors = None
         return d, count
 

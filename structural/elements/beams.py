@@ -11,7 +11,7 @@ the first end is carried to t of the second along the shortest way. A section la
 are conjugate to them. Nothing here has a singularity in the rotation of the nodes themselves, however large.
 
 Co-rotational in the sense of Rankin and Nour-Omid (1988) and Battini and Pacoste (2002); written in the invariants of
-chord and triads, the element needs no frame of its own.
+chord and triads, the element needs no co-rotated frame.
 """
 
 from dataclasses import dataclass, field
@@ -32,12 +32,12 @@ _TERMS = np.cumprod(np.concatenate([[1.0], [(k + 1.0) / (2.0 * k + 3.0) for k in
 class Beams(ElementGroup):
     """Elements between two nodes that have rotations.
 
-    `nodes` (e,2), `frames` (e,2) the rotation of the structure that each end turns with, `axes` (e,3,3) reference
-    triads as columns (t, n, b), `l0` (e,) m, `section` with `select` and `response` (see `sections`), `names` (e,).
+    `nodes` (e,2) and `rotations` (e,2) are the nodes and nodal rotations of both ends, `axes` (e,3,3) reference triads
+    as columns (t, n, b), `l0` (e,) m, `section` with `select` and `response` (see `sections`), `names` (e,).
     """
 
     nodes: np.ndarray
-    frames: np.ndarray
+    rotations: np.ndarray
     axes: np.ndarray
     l0: np.ndarray
     section: Any
@@ -45,7 +45,7 @@ class Beams(ElementGroup):
 
     def dofs(self, node_count):
         """Dofs (e,12): position and spin of either end."""
-        first, second = node_count + self.frames[:, 0], node_count + self.frames[:, 1]
+        first, second = node_count + self.rotations[:, 0], node_count + self.rotations[:, 1]
         return translations(np.stack([self.nodes[:, 0], first, self.nodes[:, 1], second], axis=1))
 
     def properties(self):
@@ -123,7 +123,7 @@ class _Geometry:
         d = x[beams.nodes[:, 1]] - x[beams.nodes[:, 0]]
         length = np.sqrt(np.einsum("ek,ek->e", d, d))
         chord = d / np.where(length > 0.0, length, 1.0)[:, None]
-        triads = rotations[beams.frames] @ beams.axes[:, None]
+        triads = rotations[beams.rotations] @ beams.axes[:, None]
         along = np.einsum("ek,eik->ei", chord, triads[..., 0])
         return cls(length, chord, triads, along, _stretch(along))
 

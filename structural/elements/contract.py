@@ -10,8 +10,8 @@ from interface.mirror import canonical_chains, paired_rows
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """A shape of the structure: node positions `x` (n,3) m, `rotations` (r,3,3) of its frames, None without any, and
-    node velocities `v` (n,3) m/s where it moves.
+    """A shape of the structure: node positions `x` (n,3) m, nodal `rotations` (r,3,3), None without any, and node
+    velocities `v` (n,3) m/s where it moves.
     """
 
     x: np.ndarray
@@ -61,7 +61,8 @@ class ElementGroup:
     # Where the elements stand in the structure
 
     def dofs(self, node_count):
-        """Dofs (e,d) that the forces act on: 3 node + axis for positions, 3 (node_count + frame) + axis for spins."""
+        """Dofs (e,d) that the forces act on: 3 node + axis for positions, 3 (node_count + rotation) + axis
+        for spins."""
         return translations(self.nodes)
 
     @staticmethod
@@ -69,14 +70,14 @@ class ElementGroup:
         """Rows (e,m) of nodes in an order in which an element and one that lists its nodes otherwise are the same."""
         return canonical_chains(nodes)
 
-    def images(self, mirror, frame_images):
+    def images(self, mirror, rotation_images):
         """Row of the mirror image of each element (e,), -1 where there is none: the one between the images of its nodes
-        and of the frames it turns with. `mirror` (n,) and `frame_images` (r,) are the images of all of them.
+        and of its nodal rotations. `mirror` (n,) and `rotation_images` (r,) are the images of all of them.
         """
         places = self.dofs(len(mirror)) // 3
-        frames = places[:, (places >= len(mirror)).any(axis=0)] - len(mirror)
-        keys = self.canonical(self.nodes), np.sort(frames, axis=1)
-        images = self.canonical(mirror[self.nodes]), np.sort(frame_images[frames], axis=1)
+        rotations = places[:, (places >= len(mirror)).any(axis=0)] - len(mirror)
+        keys = self.canonical(self.nodes), np.sort(rotations, axis=1)
+        images = self.canonical(mirror[self.nodes]), np.sort(rotation_images[rotations], axis=1)
         return paired_rows(np.hstack(keys), np.hstack(images))
 
     def properties(self):
@@ -97,8 +98,8 @@ class ElementGroup:
         """Internal forces (e,d), and their derivatives (e,d,d) by the dofs: the consistent tangent.
 
         Spins are rotations about fixed axes. Of an energy the tangent is the second derivative along them, which is
-        symmetric; the derivative of a moment m by the spin of its own frame has [m]x / 2 besides, which has to be taken
-        out: in equilibrium it cancels over the elements of a frame, and the assembly adds that of applied moments.
+        symmetric; the derivative of a moment m by the spin of its own node has [m]x / 2 besides, which has to be taken
+        out: in equilibrium it cancels over the elements of a node, and the assembly adds that of applied moments.
         """
         raise NotImplementedError
 

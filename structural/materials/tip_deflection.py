@@ -77,7 +77,7 @@ class TipDeflectionSection(Section):
 
         return coupled(natural, l0, q, lambda d: (self.EA / l0 * d, self.EA / l0), bending, torsion)
 
-    def fullness(self, force):
+    def utilisation(self, force):
         """Largest bending moment of each element relative to its collapse moment (e,), from section forces (e,6)."""
         m = force[:, 1:5].reshape(-1, 2, 2)
         return np.sqrt(np.einsum("eik,eik->ei", m, m)).max(axis=1) / self.collapse

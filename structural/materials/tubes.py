@@ -21,7 +21,7 @@ AFTER_COLLAPSE = 0.02
 # Gauss-Lobatto points for the flexibility of a tube: its curvature grows steeply towards the loaded end.
 _POINTS = 9
 # Newton iterations for the end moments, and the relative change that ends them.
-_MOST, _CLOSE = 60, 1e-12
+_MAX_ITERATIONS, _TOLERANCE = 60, 1e-12
 
 
 def _lobatto(count):
@@ -131,16 +131,16 @@ class TubeSection(Section):
         found, flexibility = self._rotations(ends.reshape(-1, 2, 2), l0)
         scale = np.abs(theta).max(axis=1) + 1e-300
         gap = theta - found
-        for _ in range(_MOST):
+        for _ in range(_MAX_ITERATIONS):
             off = np.abs(gap).max(axis=1) / scale
-            if not np.any(off > _CLOSE):
+            if not np.any(off > _TOLERANCE):
                 break
             step = np.linalg.solve(flexibility, gap[..., None])[..., 0]
             size = np.ones(len(l0))
             for _ in range(12):
                 trial = ends + size[:, None] * step
                 found, new = self._rotations(trial.reshape(-1, 2, 2), l0)
-                worse = np.abs(theta - found).max(axis=1) / scale > np.maximum(off * (1.0 - 1e-4 * size), _CLOSE)
+                worse = np.abs(theta - found).max(axis=1) / scale > np.maximum(off * (1.0 - 1e-4 * size), _TOLERANCE)
                 if not worse.any():
                     break
                 size = np.where(worse, 0.5 * size, size)
@@ -149,7 +149,7 @@ class TubeSection(Section):
                 break
         return ends, np.linalg.inv(flexibility)
 
-    def fullness(self, force):
+    def utilisation(self, force):
         """Largest bending moment of each element relative to its collapse moment (e,), from section forces (e,6)."""
         m = force[:, 1:5].reshape(-1, 2, 2)
         return np.sqrt(np.einsum("eik,eik->ei", m, m)).max(axis=1) / self.bending.collapse

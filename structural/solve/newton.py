@@ -9,27 +9,28 @@ import numpy as np
 from . import Singular
 from .linear import PIVOT, factorised, shifted
 
-# The shift that is always there, relative to the mean stiffness: it gives directions without any stiffness (slack
-# nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
+# The diagonal shift that is always there, relative to the mean stiffness: it gives directions without any stiffness
+# (slack nodes without weight) a zero step instead of an infinite one, and leaves Newton's convergence untouched.
 SMALLEST_SHIFT = 1e-12
 # Least stiffness of the shift, relative to that of the stiffest element, where all members are slack.
 SOFTEST = 1e-6
-# Steps refused one after the other, and cuts of one step, before giving up.
-MOST_REJECTIONS, MOST_CUTS = 30, 12
-# Largest turn of a frame in one Newton step, rad.
-TURN_LIMIT = 0.5
-# After this many short steps in a row (below a third) whole Newton steps are tried again, at most BURST of them.
-SHORT_STEPS, BURST = 3, 10
+# Steps rejected one after the other, and trial lengths of a line search, before giving up.
+MAX_REJECTIONS, MAX_TRIALS = 30, 12
+# Largest nodal rotation in one Newton step, rad.
+ROTATION_LIMIT = 0.5
+# After this many short steps in a row (below a third) full Newton steps are tried again, at most WATCHDOG_STEPS of them
+# before the residual must have come down (watchdog technique of Chamberlain et al. 1982).
+SHORT_STEPS, WATCHDOG_STEPS = 3, 10
 
 EPS = float(np.finfo(float).eps)
 
 
 class Problem(Protocol):
-    """Equations r(u) = 0 of `turning.size` unknowns. Where the unknowns are is the problem's own business: the engine
-    hands back what `moved` gave it.
+    """Equations r(u) = 0 of `rotational.size` unknowns. Where the unknowns are is the problem's own business: the
+    engine hands back what `moved` gave it.
     """
 
-    turning: np.ndarray  # which unknowns are spins, (q,) bool; the others are m
+    rotational: np.ndarray  # which unknowns are rotational dofs (spins), (q,) bool; the others are m
     diagonal: np.ndarray  # places of the diagonal in the data of the tangent, (q,)
     stiffest: float  # stiffness N/m of the stiffest element, see `ElementGroup.stiffness`
 
@@ -46,10 +47,10 @@ class Problem(Protocol):
 class Newton:
     """State of one solve: where the unknowns are (`at`), residual r, tangent k, the norms met, and the shift.
 
-    Whole Newton steps come first and are kept as long as each burst of them lowers the residual. Otherwise steps of
-    K + mu S, S the mean stiffness: the shift mu is tied to the residual and adapts to how well the step did
-    (Levenberg-Marquardt), and a step is shortened until the out-of-balance force along it no longer grows. No step
-    moves an unknown by more than `step_limit` m, or turns a frame by more than TURN_LIMIT.
+    Full Newton steps come first and are kept as long as the residual has come down after some of them (watchdog).
+    Otherwise damped steps of K + mu S, S the mean stiffness: the shift mu is tied to the residual and adapts to how
+    well the step did (Levenberg-Marquardt), and a line search shortens the step until the out-of-balance force along it
+    no longer grows. No step moves an unknown by more than `step_limit` m or rotates a node by more than ROTATION_LIMIT.
 
     Converged is ||r|| <= atol + rtol ||external||.
     """
@@ -58,7 +59,7 @@ class Newton:
         self.problem = problem
         self.atol, self.rtol, self.step_limit = atol, rtol, step_limit
         self._least = SOFTEST * problem.stiffest
-        self._burst_tried = False
+        self._watchdog_tried = False
         self._short, self._patience = 0, SHORT_STEPS
         self._damping, self._rejected = 1.0, 0
         self.norms: list[float] = []
@@ -71,7 +72,7 @@ class Newton:
             return "converged"
         if not np.isfinite(self.norm):
             return "not_finite"
-        return "stalled" if self._rejected > MOST_REJECTIONS else "max_iterations"
+        return "stalled" if self._rejected > MAX_REJECTIONS else "max_iterations"
 
     @property
     def iterations(self):
@@ -84,15 +85,15 @@ class Newton:
         def ended():
             return self.status != "max_iterations" or self.iterations >= most
 
-        if not self._burst_tried:
-            self._burst_tried = True
-            while not ended() and self._burst(ended):
+        if not self._watchdog_tried:
+            self._watchdog_tried = True
+            while not ended() and self._watchdog(ended):
                 pass
         while not ended():
-            s = self._guarded_step()
+            s = self._damped_step()
             self._short = self._short + 1 if s < 0.3 else 0
             if self._short >= self._patience and not ended():
-                better = self._burst(ended)
+                better = self._watchdog(ended)
                 self._short, self._patience = 0, SHORT_STEPS if better else 2 * self._patience
 
     def negative_pivots(self):
@@ -116,11 +117,11 @@ class Newton:
         self.norm = self.problem.norm(self.r)
         self.norms.append(self.norm)
 
-    def _burst(self, ended):
-        """Whole Newton steps, BURST at most; if they do not halve the residual, back to where they began and False."""
+    def _watchdog(self, ended):
+        """Full Newton steps, WATCHDOG_STEPS at most; if they do not halve the residual, back to the start and False."""
         before = self.at, self.r, self.k, self.external, self.norm
         start = self.norm
-        for _ in range(BURST):
+        for _ in range(WATCHDOG_STEPS):
             at = self.problem.moved(self.at, self._step(SMALLEST_SHIFT))
             self._accept(at, self.problem.residual_and_tangent(at))
             if not np.isfinite(self.norm) or self.norm <= 0.1 * start or ended():
@@ -131,11 +132,11 @@ class Newton:
         self.at, self.r, self.k, self.external, self.norm = before
         return False
 
-    def _guarded_step(self):
-        """One shifted step, shortened as far as needed; the fraction taken, 0 where none would do."""
+    def _damped_step(self):
+        """One shifted step with a line search; the fraction taken, 0 where none would do."""
         relative = min(self.norm / max(self.external, self.norms[0]), 1.0)
         step = self._step(max(self._damping * relative, SMALLEST_SHIFT))
-        s, trial = self._along(step)
+        s, trial = self._line_search(step)
         if trial is None:
             self._damping = max(10.0 * self._damping, 1e-3)
             self._rejected += 1
@@ -156,7 +157,7 @@ class Newton:
         return factorised(shifted(self.k, self.problem.diagonal, shift), pivot)
 
     def _step(self, mu):
-        """Step of the shifted tangent within the step limit; the shift grows until it goes downhill (-r.d > 0)."""
+        """Step of the shifted tangent within the step limit; the shift grows until it is one of descent (-r.d > 0)."""
         scale = self._scale()
         while True:
             try:
@@ -169,18 +170,19 @@ class Newton:
                 step = -self.r / scale
                 break
             mu = max(10.0 * mu, 1e-6)
-        turning = self.problem.turning
-        turn = float(np.abs(step[turning]).max(initial=0.0))
-        shift = float(np.abs(step[~turning]).max(initial=0.0))
-        return step / max(1.0, shift / self.step_limit, turn / TURN_LIMIT)
+        rotational = self.problem.rotational
+        angle = float(np.abs(step[rotational]).max(initial=0.0))
+        distance = float(np.abs(step[~rotational]).max(initial=0.0))
+        return step / max(1.0, distance / self.step_limit, angle / ROTATION_LIMIT)
 
     def _scale(self):
-        """Mean stiffness of the translations, N/m; where there are spins, of each kind for its own unknowns (q,)."""
-        diagonal, turning = self._diagonal(), self.problem.turning
-        if not turning.any():
+        """Mean stiffness of the translations, N/m; where there are rotational dofs, of each kind for its own unknowns
+        (q,)."""
+        diagonal, rotational = self._diagonal(), self.problem.rotational
+        if not rotational.any():
             return self._mean(diagonal)
         scale = np.empty_like(diagonal)
-        for kind in (turning, ~turning):
+        for kind in (rotational, ~rotational):
             scale[kind] = self._mean(diagonal[kind])
         return scale
 
@@ -188,20 +190,20 @@ class Newton:
         """Mean stiffness; where nothing has any, one that lets the residual move an unknown by 1 m or rad."""
         return max(self._least, float(diagonal.mean())) or self.norm if len(diagonal) else 0.0
 
-    def _along(self, step):
+    def _line_search(self, step):
         """Fraction s of the step along which the out-of-balance force r.d does not grow, and (r, K, ||f_ext||) there.
 
-        The full step is tried with its tangent, because it is nearly always taken; None if no fraction will do.
+        The full step is tried with its tangent, because it is nearly always taken; None if none of MAX_TRIALS will do.
         """
         slope = float(self.r @ step)
         s = 1.0
-        for _ in range(MOST_CUTS):
+        for _ in range(MAX_TRIALS):
             trial = self.problem.residual_and_tangent(self.problem.moved(self.at, s * step))
             slope_new = float(trial[0] @ step)
             if np.isfinite(slope_new):
-                downhill = slope_new < 0.0  # the minimum along the step lies still ahead
+                descending = slope_new < 0.0  # the minimum along the step lies still ahead
                 halved = self.problem.norm(trial[0]) < 0.5 * self.norm
-                if downhill or abs(slope_new) <= 0.9 * abs(slope) or halved:
+                if descending or abs(slope_new) <= 0.9 * abs(slope) or halved:
                     return s, trial
                 s *= min(max(slope / (slope - slope_new), 0.1), 0.7)  # secant to r.d = 0
             else:

@@ -1,5 +1,5 @@
-"""Static equilibrium: Newton on the true residual; where that takes long, by way of softened lines. And how it moves
-when its loads change a little.
+"""Static equilibrium: Newton on the true residual; where that takes long, by continuation in the stiffness of lines.
+And its sensitivity to small changes of the loads.
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from . import Singular
 from .linear import ACCURATE_PIVOT, factorised, shifted
 from .newton import Newton, rounding_force, stiffest
 
-# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `softened_stages`);
+# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `continuation_stages`);
 # each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
-STRAIGHT, SOFT_ITERATIONS, SOFT_RTOL = 200, 200, 1e-2
+DIRECT_ITERATIONS, SOFT_ITERATIONS, SOFT_RTOL = 200, 200, 1e-2
 # A soft line is stretched to twice its length by SOFT times the load at first, then by STIFFENING times more each time;
 # no load counts as less than SMALLEST_LOAD of the largest k l0. Chosen on random networks of ropes.
 SOFT, STIFFENING, SMALLEST_LOAD = 3.0, 30.0, 1e-9
@@ -27,10 +27,10 @@ SHIFT = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N met on the way (also
-    with softened lines), in how many directions the converged equilibrium is unstable under its loads (0: it is
-    stable), and the `rotations` (r,3,3) of the frames, None without any. The norm takes moments in N m beside forces in
-    N.
+    """Result of a static solve: `x` (n,3) m, `status` "converged" or why not, the residual norms N of all Newton
+    iterations (also with softened lines), in how many directions the converged equilibrium is unstable under its loads
+    (0: it is stable), and the nodal `rotations` (r,3,3), None without any. The norm takes moments in N m beside forces
+    in N.
     """
 
     x: np.ndarray
@@ -56,7 +56,8 @@ class StaticProblem:
 
     def __init__(self, assembly: Assembly, prepared: Prepared, groups: Sequence[ElementGroup]):
         self._assembly, self._prepared = assembly, prepared
-        self.turning, self.diagonal, self.norm = assembly.unknowns.turning, assembly.diagonal, assembly.unknowns.norm
+        unknowns = assembly.unknowns
+        self.rotational, self.diagonal, self.norm = unknowns.rotational, assembly.diagonal, unknowns.norm
         self.stiffest = stiffest(groups, assembly.structure.reference)
 
     def residual_and_tangent(self, at):
@@ -87,34 +88,34 @@ def equilibrium(
     tolerance. `groups` replace those of the structure (rest lengths and sections may change), `x0` (n,3) m and
     `rotations` (r,3,3) are what to start from. No step moves a node by more than `step_limit` m.
 
-    Whole Newton steps are all that a warm start needs, and what stiff members need that turn by a large angle;
-    otherwise steps are damped and shortened (see `newton.Newton`; quadratic convergence at the end also with
+    Full Newton steps are all that a warm start needs, and what stiff members need that turn by a large angle;
+    otherwise steps are damped, with a line search (see `newton.Newton`; quadratic convergence at the end also with
     mechanisms). For tension-only members under dead loads that is a line search on a convex energy, and it needs no
     energy, so follower loads may take part.
 
     Stiff lines that turn far under light loads are a narrow curved valley, in which straight steps are short. So where
-    all this takes long, it begins anew with soft lines, which are stiffened by degrees.
+    all this takes long, it begins anew with soft lines, which are stiffened by degrees (continuation).
     """
     groups = tuple(assembly.structure.groups if groups is None else groups)
     reach = float(np.abs(assembly.structure.nodes).max(initial=0.0))
     tolerance = max(atol, rounding_force(groups, assembly.structure.reference, reach))
     at = assembly.unknowns.restrict(x0), assembly.start(rotations)
 
-    def begun(members, at, rtol):
+    def newton(members, at, rtol):
         problem = StaticProblem(assembly, assembly.prepare(loads, members), members)
         return Newton(problem, at, tolerance, rtol, step_limit)
 
-    solve = direct = begun(groups, at, rtol)
-    solve.run(min(STRAIGHT, max_iterations))
+    solve = direct = newton(groups, at, rtol)
+    solve.run(min(DIRECT_ITERATIONS, max_iterations))
     slow = solve.iterations < max_iterations and solve.status in ("max_iterations", "stalled")
-    softened = softened_stages(groups, solve.external) if slow else []
+    softened = continuation_stages(groups, solve.external) if slow else []
     if slow and not softened:
         solve.run(max_iterations)
     norms, iterations = list(solve.norms), solve.iterations
     for members in (*softened, groups) if softened else ():
         left = max(max_iterations - iterations, 0)
         soft = members is not groups
-        solve = begun(members, at, max(rtol, SOFT_RTOL) if soft else rtol)
+        solve = newton(members, at, max(rtol, SOFT_RTOL) if soft else rtol)
         solve.run(min(SOFT_ITERATIONS, left) if soft else left)
         norms += solve.norms
         iterations += solve.iterations
@@ -127,7 +128,7 @@ def equilibrium(
     return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, solve.at[1])
 
 
-def softened_stages(groups, load):
+def continuation_stages(groups, load):
     """The groups with lines and ropes that are softer than they are by degrees, the softest first; none without load.
 
     A soft line has a spring in series, k' = k P / (P + k l0), P the load N that stretches that spring by l0.
@@ -146,7 +147,7 @@ class LoadSensitivity:
 
     r(q, f) = f_int(q) - f_ext(q, f) = 0 at every load, so that K dq = (df_ext/df) df with the consistent tangent K of
     elements, links and follower loads. `x` (n,3) m and `rotations` (r,3,3) are the equilibrium, found by
-    `equilibrium`; `reaction` (r,3) N m are the moments that hold clamped frames, which stiffen their other axes.
+    `equilibrium`; `reaction` (r,3) N m are the reactions of fixed rotations, which stiffen their other axes.
     No shift, softening or damping is in it, but where K is exactly singular: directions without any stiffness then
     get (nearly) no displacement, as in the steps of the solver.
     """
@@ -175,4 +176,4 @@ class LoadSensitivity:
         if self._factors is None:
             return np.zeros_like(self._x)
         force = self._assembly.load_forces(self._x, change, self._rotations)
-        return self._assembly.moves(self._factors.solve(force), self._rotations)
+        return self._assembly.displacements(self._factors.solve(force), self._rotations)

@@ -53,7 +53,7 @@ def test_a_wing_twice_as_large_has_four_times_the_force_and_eight_times_the_mome
     np.testing.assert_allclose(b.pressure, a.pressure, rtol=0, atol=1e-7)
 
 
-def test_the_mirror_image_of_a_lopsided_wing_has_the_mirror_image_of_its_loads():
+def test_the_mirror_image_of_an_asymmetric_wing_has_the_mirror_image_of_its_loads():
     flip = np.array([1.0, -1.0, 1.0])
     nodes = arched_nodes(9, 0.05, np.random.default_rng(2))
     image = nodes.reshape(-1, 3, 3)[::-1].reshape(-1, 3) * flip

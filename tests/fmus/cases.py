@@ -1,7 +1,7 @@
 """Every built-in scene, and every setting of it changed once: later scenes and settings are tested without a word.
 
 Those with inflatable wings are large: they are taken on coarse meshes, and their settings are not changed. Nor are
-those of scenes in motion, whose schemes of integration are tested without FMUs (tests/scenes/test_moving_core.py).
+those of transient scenes, whose schemes of integration are tested without FMUs (tests/scenes/test_transient_core.py).
 """
 
 import scenes
@@ -14,7 +14,7 @@ def _cases():
     for name in scenes.available():
         yield name, COARSE.get(name, {})
         scene = scenes.load(name)
-        for key, option in scene.offers.items() if name not in COARSE and not scene.moves else ():
+        for key, option in scene.offers.items() if name not in COARSE and not scene.transient else ():
             for value in option.options or [option.default + 1]:
                 if value != option.default:
                     yield name, {key: value}

@@ -119,7 +119,7 @@ def test_booleans_and_integers_keep_their_type(toy):
     assert toy.get("position") == [0.0] * 6  # not active
 
 
-def test_outputs_follow_the_parameters_while_initialising_and_are_valid_before_the_first_step(toy_path):
+def test_outputs_follow_the_parameters_in_initialization_mode_and_are_valid_before_the_first_step(toy_path):
     with Importer(toy_path, initialise=False) as toy:
         assert toy.get("offset") == [0.1 + 0.2, 2 * (0.1 + 0.2), 4 * (0.1 + 0.2)]
         toy.set(gain=2.0, scale=[1.0, 3.0, 5.0])

@@ -141,12 +141,12 @@ def test_a_log_category_that_is_offered_is_logged_when_chosen_and_else_not(toy, 
 def test_a_state_holds_whether_start_values_may_still_be_set(toy_path):
     with Importer(toy_path, initialise=False) as toy:
         toy.set(scale=[1.0, 1.0, 1.0])
-        initialising = toy.slave.getFMUstate()
+        in_initialization = toy.slave.getFMUstate()
         toy.slave.exitInitializationMode()
         running = toy.slave.getFMUstate()
         toy.refused(scale=[2.0, 2.0, 2.0])
         assert step(toy, 0.0) == DISCARD  # fixed by now
-        toy.slave.setFMUstate(initialising)
+        toy.slave.setFMUstate(in_initialization)
         toy.set(scale=[3.0, 3.0, 3.0])
         assert toy.get("offset") == [3.0 * (0.1 + 0.2)] * 3
         toy.slave.setFMUstate(running)
@@ -157,7 +157,7 @@ def test_a_state_holds_whether_start_values_may_still_be_set(toy_path):
         assert [step(toy, 1.0), step(toy, 1.0)] == [DISCARD, OK]
         toy.slave.setFMUstate(refused)
         assert [step(toy, 1.0), step(toy, 1.0)] == [DISCARD, OK]
-        for state in (initialising, running, refused):
+        for state in (in_initialization, running, refused):
             toy.slave.freeFMUstate(state)
 
 

@@ -146,7 +146,7 @@ def values(instance):
 
 
 @pytest.mark.parametrize("side", ["structural", "aero"])
-def test_while_initialising_outputs_follow_only_what_they_are_said_to_depend_on(case, side):
+def test_in_initialization_mode_outputs_follow_only_what_they_are_said_to_depend_on(case, side):
     scene, paths = case
     if side not in scene.cores():
         pytest.skip("a scene without flow")

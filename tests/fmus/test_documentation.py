@@ -127,9 +127,11 @@ def test_the_page_says_how_it_is_stepped_and_what_to_beware_of(case, words):
         assert ("trim_angle" in found.text) is (scene.trim is not None)
         if scene.trim is not None:
             assert f"node {scene.structure.pivot} at (" in found.text
-        when_to_stop = scene.has_flow and not scene.moves
+        when_to_stop = scene.has_flow and not scene.transient
         assert ("imbalance_before_step of the" in " ".join(found.text.split())) is when_to_stop
-        assert ("velocity of the structural one" in " ".join(found.text.split())) is (scene.has_flow and scene.moves)
+        assert ("velocity of the structural one" in " ".join(found.text.split())) is (
+            scene.has_flow and scene.transient
+        )
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def exchanged(scene):
         for name in loads:
             structural.set(name, aero.get(name))
         structural.step(float(k), 1.0)
-        for name in ("displacement", "velocity") if scene.moves else ("displacement",):
+        for name in ("displacement", "velocity") if scene.transient else ("displacement",):
             aero.set(name, structural.get(name))
     displacement = np.ravel(structural.get("displacement")).tolist()
     aero.step(9.0, 1.0)

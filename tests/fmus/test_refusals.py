@@ -79,7 +79,7 @@ def test_a_bad_start_value_is_logged_and_discards_the_first_step(toy_path):
 
 
 @pytest.mark.parametrize(
-    ("block", "why"), [("position", "an output"), ("scale", "a fixed parameter, set before initialisation")]
+    ("block", "why"), [("position", "an output"), ("scale", "a fixed parameter, set before initialization mode ends")]
 )
 def test_an_output_or_a_fixed_parameter_keeps_its_value_and_setting_it_discards_one_step(toy, block, why):
     before = toy.get(block)

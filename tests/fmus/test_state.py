@@ -123,7 +123,7 @@ class Pair:
             pressure = gust(self.structural.get("displacement"))
             self.structural.set(pressure=[pressure] * len(self.structural.get("pressure")))
         else:
-            for name in ("displacement", "velocity") if self.scene.moves else ("displacement",):
+            for name in ("displacement", "velocity") if self.scene.transient else ("displacement",):
                 self.aero.set(**{name: self.structural.get(name)})
             assert self.aero.step(self.time)
             self.structural.set(**{name: self.aero.get(name) for name in self.loads})
@@ -136,7 +136,7 @@ class Pair:
 
     def spoil(self):
         """A step of both that is discarded: a load that nothing carries, a wing that is one point."""
-        if self.scene.moves:  # all line is reeled in, and nothing is left
+        if self.scene.transient:  # all line is reeled in, and nothing is left
             self.reel(-1e3)
             lengths = [self.structural.get(name.removesuffix("_rate"))[0] for name in self.rates]
             self.dt = self.structural.dt = 1.1e-3 * max(lengths)

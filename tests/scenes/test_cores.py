@@ -161,7 +161,7 @@ def test_outputs_that_do_not_exist_are_named_as_such():
         structure.get("lift")
 
 
-def test_lopsided_loads_turn_symmetry_off_and_say_so():
+def test_asymmetric_loads_turn_symmetry_off_and_say_so():
     structure, air = _pair("v3_kite")
     _exchange(structure, air)
     assert structure.get("symmetry_used") == 1.0
@@ -179,7 +179,7 @@ def test_lopsided_loads_turn_symmetry_off_and_say_so():
     assert air.get("symmetry_used") == 0.0
 
 
-def test_lopsided_steering_turns_symmetry_off_and_equal_steering_does_not():
+def test_asymmetric_steering_turns_symmetry_off_and_equal_steering_does_not():
     structure, air = _pair("v3_kite")
     for side in ("left", "right"):
         structure.set(f"steering_tape_{side}_length", 1.55)
@@ -198,7 +198,7 @@ def test_side_wind_turns_symmetry_off():
     assert abs(air.get("CS")) > 1e-3
 
 
-LOPSIDED = {
+ASYMMETRIC = {
     "mass": ("masses.csv", "pulley_br6_right,2,0.1", "pulley_br6_right,2,5.0"),
     "support": ("nodes.csv", "2,0.8950856,4.23504033,8.28564737,", "2,0.8950856,4.23504033,8.28564737,xyz"),
     "rest length": ("lines.csv", "A5_right,3 21,2.782", "A5_right,3 21,2.7"),
@@ -206,10 +206,10 @@ LOPSIDED = {
 }
 
 
-@pytest.mark.parametrize("what", LOPSIDED)
-def test_lopsided_tables_turn_symmetry_off(what, tmp_path):
+@pytest.mark.parametrize("what", ASYMMETRIC)
+def test_asymmetric_tables_turn_symmetry_off(what, tmp_path):
     folder = copy_of("v3_kite", tmp_path)
-    edited(folder, *LOPSIDED[what])
+    edited(folder, *ASYMMETRIC[what])
     structure, air = _pair(folder)
     try:
         _exchange(structure, air)

@@ -280,7 +280,7 @@ def test_derivative_belongs_to_the_state_that_was_solved_or_restored_last(equili
     assert all(np.array_equal(first[k], back[k]) for k in first)
 
 
-def test_lopsided_directions_count_with_their_symmetric_parts_on_a_half(equilibria):
+def test_asymmetric_directions_count_with_their_symmetric_parts_on_a_half(equilibria):
     coupling = equilibria("kite")
     scene = scenes.load("v3_kite")
     for participant in (coupling.structural, coupling.aero):

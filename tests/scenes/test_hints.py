@@ -40,7 +40,7 @@ def test_sections_from_right_to_left_are_refused(tmp_path):
     assert "sections.csv" in _refused(folder)
 
 
-def test_lopsided_nodes_under_symmetry_are_solved_whole_and_said_to_be(tmp_path):
+def test_asymmetric_nodes_under_symmetry_are_solved_whole_and_said_to_be(tmp_path):
     folder = copy_of("v3_kite", tmp_path)
     edited(folder, "nodes.csv", "4.07190711", "4.07190712")
     core = built(folder)[1]
@@ -118,7 +118,7 @@ def test_elements_far_off_their_rest_length_are_named_with_both_lengths(tmp_path
     assert scenes.load("v3_kite").hints()[1] == ""
 
 
-def test_lopsided_masses_are_named(tmp_path):
+def test_asymmetric_masses_are_named(tmp_path):
     folder = copy_of("v3_kite", tmp_path)
     edited(folder, "masses.csv", "pulley_a6_left,19,0.1", "pulley_a6_left,19,0.2")
     asymmetry = scenes.load(folder).hints()[1]

@@ -114,7 +114,7 @@ def test_finer_meshes_converge():
 
 
 def test_trim_pose_is_free_of_stress_in_tubes_and_canopy():
-    """The frames turn with the nodes: a kite turned as a rigid body has no forces in its wing."""
+    """Nodal rotations follow a rigid rotation: a kite turned as a rigid body has no forces in its wing."""
     core = kite().structural_core()
     core.set("trim_angle", TURN)
     assert np.abs(core.get("tube_load")).max() < 1e-9

@@ -39,7 +39,7 @@ class Lift(AeroModel):
             Variable("sent", (), "output"),
         )
 
-    def remembers(self, values):
+    def history_dependent(self, values):
         return float(values["late"]) > 0.0
 
     def repeated(self, values):
@@ -122,7 +122,7 @@ def test_a_model_that_remembers_has_no_derivative_of_its_step(plate):
     assert core.directional_derivative({"displacement": moved})["shear"][0, 2] == pytest.approx(20.0)
     core.set("late", 0.5)
     core.step(1.0, 1.0)
-    with pytest.raises(ValueError, match="remembers the step before"):
+    with pytest.raises(ValueError, match="depends on the step before"):
         core.directional_derivative({"displacement": moved})
 
 

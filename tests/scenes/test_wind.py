@@ -1,4 +1,4 @@
-"""Flow of scenes in motion: gusts, wind relative to what moves, lines without a wing."""
+"""Flow of transient scenes: gusts, wind relative to what moves, lines without a wing."""
 
 import subprocess
 import sys
@@ -153,7 +153,7 @@ def test_wrong_value_is_refused_in_one_sentence_and_changes_nothing(name, values
     assert same(before, core.save().values)
 
 
-# A wing in motion
+# The wing of a transient scene
 
 
 def test_wing_of_a_scene_in_motion_has_the_loads_of_its_relative_wind():

@@ -15,7 +15,8 @@ from structural import (
 )
 from tests.structural.models import MIRROR, chains
 
-# Nodes of the right half and of the plane, then the left half; G and H are riders, P and Q the ends of the bridle.
+# Nodes of the right half and of the plane, then the left half; G and H depend on others, P and Q are the ends of the
+# bridle.
 _RIGHT = {
     "B": (0.05, 1.0, 0.9),
     "C": (0.2, 1.8, 0.4),
@@ -47,17 +48,17 @@ def mirror_of_frame():
 
 
 def frame():
-    """A wing frame: leading edge of tubes, struts of anisotropic beams and one across the plane of symmetry, riders on
-    two of its nodes, a bridle of springs and a rope; panels and an exposed line hang on nodes and riders.
+    """A wing frame: leading edge of tubes, struts of anisotropic beams and one across the plane of symmetry, rigid
+    links on two of its nodes, a bridle of springs and a rope; panels and an exposed line between all kinds of nodes.
 
     Returns the structure and mirror-symmetric loads of all kinds, moments included.
     """
     right, plane = np.array(list(_RIGHT.values())), np.array(list(_PLANE.values()))
     nodes = np.concatenate([right, plane, right * MIRROR])
     n = len(nodes)
-    frames = _at("A", "B", "C", "D", "E", "F", "-B", "-C", "-D", "-E")
+    rotation_nodes = _at("A", "B", "C", "D", "E", "F", "-B", "-C", "-D", "-E")
     of_node = np.full(n, -1)
-    of_node[frames] = np.arange(len(frames))
+    of_node[rotation_nodes] = np.arange(len(rotation_nodes))
 
     def beams(ends, section, across=None):
         l0 = np.linalg.norm(nodes[ends[:, 1]] - nodes[ends[:, 0]], axis=1)
@@ -70,8 +71,8 @@ def frame():
     springs = chains(_pairs(("P", "C"), ("P", "D"), ("P", "E"), ("P", "F")), 0.0, 30.0, True)
     springs.l0[:] = 0.98 * np.linalg.norm(np.diff(nodes[springs.nodes], axis=1)[:, 0], axis=1)
     ropes = chains(_pairs(("C", "P", "D")), 7.0, 40.0)
-    riders = _at("G", "H", "-G")
-    carriers = of_node[_at("B", "A", "-B")]
+    dependent_nodes = _at("G", "H", "-G")
+    link_rotations = of_node[_at("B", "A", "-B")]
     of_surface = _at("A", "B", "D", "F", "G", "H", "-B", "-D", "-G", "E", "-E")
     surface = sp.csr_array(np.eye(n)[of_surface])
     corner = {NAMES[k]: row for row, k in enumerate(of_surface)}
@@ -81,10 +82,10 @@ def frame():
     rows = [[corner[c] for c in p] for p in panels] + [[corner[c] for c in (p[0], p[3], p[2], p[1])] for p in other]
     fixed = np.zeros((n, 3), dtype=bool)
     fixed[_at("A", "P")] = True
-    clamped = np.zeros((len(frames), 3), dtype=bool)
+    fixed_rotations = np.zeros((len(rotation_nodes), 3), dtype=bool)
     s = Structure(
         nodes, fixed, (springs, ropes, tubes, bars), interface_groups(surface, np.array(rows), lines),
-        frames, clamped, riders, carriers,
+        rotation_nodes, fixed_rotations, dependent_nodes, link_rotations,
     )  # fmt: skip
     image = mirror_of_frame()
     dead = np.zeros((n, 3))
@@ -96,7 +97,7 @@ def frame():
         (-1.0, 0, 3.0),
     ]
     dead = np.where(dead == 0.0, dead[image] * MIRROR, dead)
-    moment = np.zeros((len(frames), 3))
+    moment = np.zeros((len(rotation_nodes), 3))
     moment[[1, 2, 4]] = [(1.0, -2.0, 0.5), (0.5, 1.0, -1.0), (1.0, 1.0, 0.5)]
     moment[[6, 7, 9]] = -moment[[1, 2, 4]] * MIRROR  # the image of an axial vector
     moment[0] = (0.0, 2.0, 0.0)

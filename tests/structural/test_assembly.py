@@ -187,14 +187,14 @@ def test_surface_loads_reach_the_nodes_with_their_force_moment_and_virtual_work(
     dq = rng.normal(size=len(q))
     x = assembly.unknowns.expand(q)
     dx = assembly.unknowns.expand(q + dq) - x
-    places, moves = (
+    places, moved = (
         np.concatenate([(_surface(s) @ a)[panels.ravel()], (_surface(s) @ a)[lines.ravel()]]) for a in (x, dx)
     )
     on_panels = surface_forces((_surface(s) @ x)[panels], loads.on["panels"].pressure, loads.on["panels"].shear)
     on_lines = line_load_forces((_surface(s) @ x)[lines], loads.on["lines"].per_length)
     force = np.concatenate([on_panels.reshape(-1, 3), on_lines.reshape(-1, 3)])
     size = np.abs(force).sum() * 10.0  # arms and displacements of some metres
-    assert -r(q) @ dq == pytest.approx(np.sum(force * moves), abs=1e-14 * size)  # rounding
+    assert -r(q) @ dq == pytest.approx(np.sum(force * moved), abs=1e-14 * size)  # rounding
     if not symmetric:
         on_nodes = -assembly.unknowns.expand(r(q))
         assert on_nodes.sum(axis=0) == pytest.approx(force.sum(axis=0), abs=1e-14 * size)
@@ -279,6 +279,6 @@ def test_coincident_nodes_are_mirrored_one_to_one():
 def test_surface_that_is_not_mirror_symmetric_is_refused_for_the_half_model():
     s, _, mirror = random_mirrored(np.random.default_rng(8))
     panels = interface_groups(sp.csr_array(_surface(s)[:5]), s.load_groups["panels"].nodes[:1])
-    lopsided = Structure(s.nodes, s.fixed, s.groups, panels)
+    asymmetric = Structure(s.nodes, s.fixed, s.groups, panels)
     with pytest.raises(ValueError, match="not mirror-symmetric"):
-        Assembly(lopsided, mirror)
+        Assembly(asymmetric, mirror)

@@ -1,4 +1,4 @@
-"""Co-rotational beams: gradients, objectivity, whole assemblies with riders, hinges, and the solver that they meet."""
+"""Co-rotational beams: gradients, objectivity, assemblies with rigid links, hinges, and the solver that they meet."""
 
 from dataclasses import dataclass, replace
 
@@ -145,7 +145,7 @@ def _wobbled(assembly, rng, size):
 
 
 @pytest.mark.parametrize("symmetric", [False, True], ids=["full", "half"])
-def test_tangent_of_a_frame_with_riders_and_all_loads_is_the_gradient_but_for_spins_of_moments_out_of_balance(
+def test_tangent_of_a_frame_with_rigid_links_and_all_loads_is_the_gradient_but_for_spins_of_moments_out_of_balance(
     symmetric,
 ):
     s, loads = frame()
@@ -165,7 +165,7 @@ def test_tangent_of_a_frame_with_riders_and_all_loads_is_the_gradient_but_for_sp
         slope = central_difference(stepped, np.zeros(len(q)))
         skew = np.zeros_like(slope)
         u = assembly.unknowns
-        for dofs in np.split(3 * len(s.nodes) + np.arange(3 * len(s.frames)), len(s.frames)):
+        for dofs in np.split(3 * len(s.nodes) + np.arange(3 * len(s.rotation_nodes)), len(s.rotation_nodes)):
             index, sign = u.index[dofs], u.sign[dofs]
             keep = np.flatnonzero((index >= 0) & (u.first[index] == dofs))  # not the images of others
             moment = np.zeros(3)
@@ -189,8 +189,8 @@ def test_tangent_in_equilibrium_under_moments_is_the_gradient_of_the_residual():
     )
     assert found.converged
     assert k.toarray() == pytest.approx(slope, abs=TANGENT_TOLERANCE * np.abs(slope).max())
-    turning = assembly.unknowns.turning
-    skew = (k - k.T).toarray()[np.ix_(turning, turning)]
+    rotational = assembly.unknowns.rotational
+    skew = (k - k.T).toarray()[np.ix_(rotational, rotational)]
     assert np.abs(skew).max() > 0.5  # applied moments of some N m have no energy about fixed axes
 
 
@@ -199,7 +199,7 @@ def _arguments(at, prepared):
     return q, prepared, rotations
 
 
-def test_half_of_a_mirrored_frame_with_riders_has_the_solution_of_the_whole():
+def test_half_of_a_mirrored_frame_with_rigid_links_has_the_solution_of_the_whole():
     s, loads = frame()
     mirror = mirror_of_frame()
     whole, half = (equilibrium(Assembly(s, m), loads, s.nodes, atol=1e-9) for m in (None, mirror))
@@ -212,12 +212,12 @@ def test_half_of_a_mirrored_frame_with_riders_has_the_solution_of_the_whole():
     assert half.x[mirror] * [1, -1, 1] == pytest.approx(half.x, abs=1e-15)  # a copy
 
 
-def test_riders_stay_where_they_are_in_the_frame_of_their_carrier():
+def test_dependent_nodes_stay_where_they_are_in_the_frame_of_their_reference_node():
     s, loads = frame()
     found = equilibrium(Assembly(s), loads, s.nodes, atol=1e-9)
-    at = found.x[s.frames[s.carriers]]
-    arms = np.einsum("kij,kj->ki", found.rotations[s.carriers], s.arms)
-    assert found.x[s.riders] == pytest.approx(at + arms, abs=1e-14)  # rounding
+    at = found.x[s.reference_nodes]
+    arms = np.einsum("kij,kj->ki", found.rotations[s.link_rotations], s.arms)
+    assert found.x[s.dependent_nodes] == pytest.approx(at + arms, abs=1e-14)  # rounding
     assert np.abs(arms - s.arms).max() > 0.01  # m: they have turned
 
 
@@ -249,7 +249,7 @@ def _loaded_frame():
 def _loaded_cantilever(case):
     s, how = case()
     found = tip_loaded(s, atol=1e-9, **how)
-    dead, moment = np.zeros_like(s.nodes), np.zeros((len(s.frames), 3))
+    dead, moment = np.zeros_like(s.nodes), np.zeros((len(s.rotation_nodes), 3))
     dead[-1], moment[-1] = how.get("force", 0.0), how.get("moment", 0.0)
     return Assembly(s), s.groups, Loads(dead, moment=moment), found
 
@@ -259,7 +259,7 @@ PROBLEMS = {
     "rolled by a moment": lambda: _loaded_cantilever(_rolled),
     "bent and twisted": lambda: _loaded_cantilever(_bent_and_twisted),
     "tube near collapse": lambda: _loaded_cantilever(_nearly_collapsed),
-    "frame with riders": _loaded_frame,
+    "frame with rigid links": _loaded_frame,
 }
 
 
@@ -281,11 +281,11 @@ def test_a_newton_step_from_near_the_solution_squares_the_distance_to_it(problem
     _, k, _ = assembly.residual_and_tangent(at[0], prepared, at[1])
     direction = np.linalg.solve(k.toarray(), np.random.default_rng(3).normal(size=len(at[0])))
     direction /= np.abs(direction).max()
-    moving = ~assembly.unknowns.turning
+    translational = ~assembly.unknowns.rotational
     left = []
     for size in (3e-4, 1e-4):  # m and rad
         q, rotations = _newton(assembly, prepared, assembly.moved(*at, size * direction))
-        left.append(max(np.abs(q - at[0])[moving].max(), np.abs(rotations - at[1]).max()))
+        left.append(max(np.abs(q - at[0])[translational].max(), np.abs(rotations - at[1]).max()))
     # 2 or, where the quadratic terms of these directions are stiff ones, more: found are 2.0 to 3.2
     assert np.log(left[0] / left[1]) / np.log(3.0) >= 1.9
     assert left[1] <= 1e-6  # and the constant is of order one, for tubes near collapse some tens
@@ -311,15 +311,14 @@ def _two_halves(hinged, force):
     n = 9
     nodes = straight(8, 2.0)
     ends = np.stack([np.arange(8), np.arange(1, 9)], axis=1)
-    frames = np.append(np.arange(n), 4) if hinged else np.arange(n)  # the middle node has one for each beam
+    rotation_nodes = np.append(np.arange(n), 4) if hinged else np.arange(n)  # the middle node has one for each beam
     of_end = ends.copy()
     if hinged:
         of_end[4, 0] = n
     beams = Beams(ends, of_end, reference_axes(nodes, ends), np.full(8, 0.25), LinearSection.of(8, 1e3, 1.0, 1.0))
     fixed = np.zeros((n, 3), dtype=bool)
     fixed[[0, 8]] = True
-    clamped = fixed[frames]
-    s = Structure(nodes, fixed, (beams,), frames=frames, clamped=clamped)
+    s = Structure(nodes, fixed, (beams,), rotation_nodes=rotation_nodes, fixed_rotations=fixed[rotation_nodes])
     dead = np.zeros_like(nodes)
     dead[4, 1] = force
     return s, equilibrium(Assembly(s), Loads(dead), nodes, atol=1e-11)
@@ -340,13 +339,13 @@ def test_beams_that_meet_in_a_hinge_carry_no_moment_through_it():
     assert slope == pytest.approx([0.25 * force, -0.25 * force], rel=1e-4)  # F / 2 times L^2 / 2 EI: a kink
 
 
-def test_beams_that_share_a_frame_carry_the_moment():
+def test_beams_that_share_a_nodal_rotation_carry_the_moment():
     force = 1e-3
     _, found = _two_halves(False, force)
     assert found.x[4, 1] == pytest.approx(force * 8.0 / 192.0, rel=1e-4)  # F L^3 / 192 EI, clamped at both ends
 
 
-def test_a_rider_carries_its_force_to_the_frame_with_the_moment_of_its_turned_arm():
+def test_a_rigid_link_transfers_the_force_to_the_reference_node_with_the_moment_of_its_turned_arm():
     n = 4
     nodes = np.concatenate([straight(n), [[1.0, 0.0, 0.3]]])
     base = cantilever(straight(n), LinearSection.of(n, 1e4, 1.0, 1.0))
@@ -354,8 +353,8 @@ def test_a_rider_carries_its_force_to_the_frame_with_the_moment_of_its_turned_ar
         base,
         nodes=nodes,
         fixed=np.concatenate([base.fixed, np.zeros((1, 3), dtype=bool)]),
-        riders=np.array([n + 1]),
-        carriers=np.array([n]),
+        dependent_nodes=np.array([n + 1]),
+        link_rotations=np.array([n]),
     )
     force = np.array([0.2, 0.8, -0.4])
     dead = np.zeros_like(nodes)

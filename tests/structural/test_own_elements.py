@@ -69,21 +69,21 @@ class Linear(Cubic):
 
 @dataclass(frozen=True, eq=False)
 class Torsion(ElementGroup):
-    """Springs from `frames` (e,) to the ground with the moment k w, w the rotation vector of the frame."""
+    """Springs from nodal `rotations` (e,) to the ground with the moment k w, w the rotation vector."""
 
     nodes: np.ndarray
-    frames: np.ndarray
+    rotations: np.ndarray
     k: np.ndarray
 
     def dofs(self, node_count):
-        return translations(node_count + self.frames[:, None])
+        return translations(node_count + self.rotations[:, None])
 
     def forces(self, at):
         return self.forces_and_tangents(at)[0]
 
     def forces_and_tangents(self, at):
         moments, tangents = [], []
-        for r, k in zip(at.rotations[self.frames], self.k, strict=True):
+        for r, k in zip(at.rotations[self.rotations], self.k, strict=True):
             angle = np.arccos(np.clip(0.5 * (np.trace(r) - 1.0), -1.0, 1.0))
             half = 0.5 * angle / np.sin(angle) if angle > 1e-9 else 0.5
             w = half * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
@@ -164,14 +164,15 @@ def test_a_family_without_energy_is_named():
 
 
 def hinged(order=("la", "lb", "rc", "rd"), k=None):
-    """Torsion springs on the frames of two nodes and their mirror images, two hinged to each, in some `order`."""
+    """Torsion springs on the rotations of two nodes and their mirror images, two hinged to each, in some `order`."""
     k = {"la": 10.0, "lb": 20.0, "rc": 10.0, "rd": 20.0} if k is None else k
     nodes = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
-    frames = np.array([0, 0, 1, 1])
+    rotation_nodes = np.array([0, 0, 1, 1])
     of = {"la": (0, 0), "lb": (0, 1), "rc": (1, 2), "rd": (1, 3)}
     at, turns = np.array([of[name][0] for name in order]), np.array([of[name][1] for name in order])
     springs = Torsion(at[:, None], turns, np.array([k[name] for name in order]))
-    return Structure(nodes, np.ones((2, 3), bool), (springs,), frames=frames, clamped=np.zeros((4, 3), bool))
+    free = np.zeros((4, 3), bool)
+    return Structure(nodes, np.ones((2, 3), bool), (springs,), rotation_nodes=rotation_nodes, fixed_rotations=free)
 
 
 def turns(rotations):
@@ -196,11 +197,11 @@ def test_tangent_of_a_torsion_spring_is_consistent_under_an_applied_moment():
 
 
 @pytest.mark.parametrize("order", [("la", "lb", "rc", "rd"), ("la", "rd", "rc", "lb"), ("rd", "la", "lb", "rc")])
-def test_a_half_pairs_the_springs_of_frames_and_not_of_nodes_alone(order):
+def test_a_half_pairs_the_springs_of_nodal_rotations_and_not_of_nodes_alone(order):
     s = hinged(order)
     mirror = mirror_permutation(s.nodes)
     loads = Loads(np.zeros((2, 3)), moment=np.array([[0.0, m, 0.0] for m in (4.0, 4.0, 4.0, 4.0)]))
-    assert symmetric_groups(s.groups, mirror, s.frames)
+    assert symmetric_groups(s.groups, mirror, s.rotation_nodes)
     whole, half = (equilibrium(Assembly(s, m), loads, s.nodes, atol=1e-10) for m in (None, mirror))
     assert whole.converged
     assert half.converged
@@ -210,7 +211,7 @@ def test_a_half_pairs_the_springs_of_frames_and_not_of_nodes_alone(order):
 
 def test_unlike_springs_on_alike_nodes_are_no_symmetric_structure():
     s = hinged(k={"la": 10.0, "lb": 20.0, "rc": 20.0, "rd": 10.0})
-    assert not symmetric_groups(s.groups, mirror_permutation(s.nodes), s.frames)
+    assert not symmetric_groups(s.groups, mirror_permutation(s.nodes), s.rotation_nodes)
 
 
 # Halves

@@ -51,7 +51,7 @@ def test_tangent_of_a_tube_is_the_symmetric_gradient_of_its_forces(law, size):
         natural[0] *= 0.01
         natural[5] *= 3.0
         force, tangent = tube.response(natural[None], LENGTH)
-        seen.append(tube.fullness(force)[0])
+        seen.append(tube.utilisation(force)[0])
         slope = central_difference(lambda v: tube.response(v[None], LENGTH)[0], natural, h=1e-7)
         # moments are solved for to 1e-13 of some 100 N m: noise of 1e-4 N m a rad, stiffnesses are of 1e3 and more
         assert tangent[0] == pytest.approx(slope, abs=2e-6 * np.abs(slope).max())
@@ -114,21 +114,21 @@ def test_curvature_of_the_fits_integrates_to_the_deflection_they_come_from(press
         assert found == pytest.approx(bent, rel=1e-9)  # quadrature
 
 
-def test_fullness_is_one_where_the_cantilever_of_one_metre_collapses_and_grows_with_the_load():
+def test_utilisation_is_one_where_the_cantilever_of_one_metre_collapses_and_grows_with_the_load():
     p, r, n = 0.3e5, 0.1, 5
     s = cantilever(straight(n), breukels_tube(p, np.full(n, r)))
     beams = s.groups[0]
-    fullness = []
+    utilisation = []
     for part in (0.5, 0.9, 1.0, 1.05):
         found = tip_loaded(s, (0.0, tip_load(p, r, part * collapse_deflection(p, r)), 0.0), atol=1e-8)
         assert found.converged
-        each = beams.section.fullness(section_forces(found.x, found.rotations, beams))
+        each = beams.section.utilisation(section_forces(found.x, found.rotations, beams))
         assert np.all(np.diff(each) < 0.0)  # the root has most
-        fullness.append(each[0])
-    assert fullness == sorted(fullness)
+        utilisation.append(each[0])
+    assert utilisation == sorted(utilisation)
     # the arm of the root is shorter by 0.55 v^2 in the law and by what it really is in the solve: 1e-3 at v = 0.12 m
-    assert fullness[2] == pytest.approx(1.0, abs=1e-3)
-    assert fullness[3] > 1.0
+    assert utilisation[2] == pytest.approx(1.0, abs=1e-3)
+    assert utilisation[3] > 1.0
 
 
 @pytest.mark.parametrize("ratio", [0.9, 0.5, 0.2])

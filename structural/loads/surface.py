@@ -1,10 +1,10 @@
-"""Elements that hang on the surface nodes, panels and exposed lines, seen from the unknowns of the structure."""
+"""Loaded elements of a surface, panels and exposed lines, seen from the unknowns of the structure."""
 
 import numpy as np
 import scipy.sparse as sp
 
 
-class CarriedElements:
+class SurfaceElements:
     """Linear maps between the unknowns and e loaded elements with m corners each, built once.
 
     `corners` (e, m) are surface nodes, `weight` (e,) says how often each element counts (2 for one that stands for

@@ -1,4 +1,4 @@
-"""The structure of scenes in motion: time, loads within a step, reeling, state, refusals."""
+"""The structure of transient scenes: time, loads within a step, reeling, state, refusals."""
 
 import pickle
 from itertools import pairwise
