@@ -259,11 +259,24 @@ class CoreFmu(ValueSlave):
         except BaseException as error:
             self._restore_error = self._logged(error, Fmi2Status.error)
 
+    def serialize(self, state: Any) -> bytes:
+        """The bytes of a state, as the binary of this project asks for them; what cannot be serialised is logged."""
+        try:
+            return self._fmu_state_to_bytes(state, strict=True)
+        except BaseException as error:
+            self._logged(f"The state cannot be serialised: {error}", Fmi2Status.error)
+            return self._fmu_state_to_bytes(state)
+
     @staticmethod
-    def _fmu_state_to_bytes(state: Any) -> bytes:
+    def _fmu_state_to_bytes(state: Any, strict: bool = False) -> bytes:
+        """As PythonFMU's binary asks for them: it can hear of no failure, which the bytes tell whoever restores them,
+        unless `strict`.
+        """
         try:
             content = records.dumps(state)
         except BaseException as error:
+            if strict:
+                raise
             content = records.dumps(f"The state cannot be serialised: {error}")
         return STATE + b"%d\n" % LAYOUT + hashlib.sha256(content).digest() + content
 

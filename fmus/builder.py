@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from aero.methods import methods
 from fmus.adapter import CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.arrays import array_description
@@ -25,12 +26,22 @@ from fmus.documentation import external_dependencies, page
 from fmus.documentation.licences import licences
 from fmus.documentation.picture import icon
 from fmus.documentation.reference import options, reference_tables
-from fmus.private import BINARIES, SCRIPT, private_code, private_name, pythonfmu_folder, script_of, sources
+from fmus.private import (
+    BINARIES,
+    SCRIPT,
+    private_code,
+    private_name,
+    pythonfmu_folder,
+    script_of,
+    sources,
+    unchanged,
+)
 from fmus.stored_scene import scene_files
 from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
 NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
+OWN_METHODS = ("vortex-step",)  # methods for the flow whose needs are known
 LINUX = {2: "linux64", 3: "x86_64-linux"}  # version of FMI -> what it calls the platform
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 LOADED: tuple[str, dict[str, bytes]] = ("", {})  # private name of this process's own code, and module -> content
@@ -101,7 +112,8 @@ def _scene_files(
 ) -> dict[str, bytes]:
     """What the FMU of one side of a scene carries of it: data, documentation, reference results, icon."""
     folder = Path(scene.folder).resolve()
-    notices = {path.name for pattern in NOTICES for path in folder.glob(pattern)}
+    found = [path for pattern in NOTICES for path in folder.glob(pattern)]
+    notices = sorted({p.name for p in found if p.is_file() and p.resolve().parent == folder})  # none from elsewhere
     files = {f"documentation/scene/{name}": (folder / name).read_bytes() for name in notices}
     files |= {f"resources/{path}": content for path, content in scene_files(scene, side, parameters).items()}
     name = instance.modelName = _identifier(name)
@@ -122,7 +134,15 @@ def _identifier(name: str) -> str:
 
 
 def _unused(scene: Scene, side: str) -> tuple[str, ...]:
-    """Beginnings of the paths of modules that the FMU of one side of a scene never loads."""
+    """Beginnings of the paths of modules that the FMU of one side of a scene never loads: methods that it does not
+    name, and what is known not to be needed, unless its method is not one of this project's own.
+    """
+    method = "" if scene.aero is None else scene.aero.method
+    others = tuple(f"aero/methods/{name.replace('-', '_')}.py" for name in methods() if name != method)
+    return others if method not in ("", *OWN_METHODS) else (*others, *_other_side(scene, side))
+
+
+def _other_side(scene: Scene, side: str) -> tuple[str, ...]:
     if side == "aero":
         cores = "statics", "transient", "structur", "tapes", "holding", "tube_sections", "symmetry", "memoised"
         return ("structural/", *(f"scenes/cores/{name}" for name in cores))
@@ -163,7 +183,7 @@ def _code() -> tuple[str, dict[str, bytes]]:
     found = sources()
     root = private_name(found)
     code = _private(root, tuple(found.items()))
-    if not LOADED[0]:  # later files may have changed
+    if not LOADED[0] and unchanged():
         LOADED = root, {_module_name(path): content for path, content in code.items()}
     return root, code
 
@@ -202,13 +222,22 @@ def _binaries(identifier: str, fmi: int) -> dict[str, bytes]:
                 "FMUs of FMI 3 need the binary of this project, which is compiled when it is installed on Linux; "
                 "install a C compiler (Debian: gcc), then kitecosim again."
             )
-        return {f"{LINUX[fmi]}/{identifier}.so": own.read_bytes()}
+        return {f"{LINUX[fmi]}/{identifier}.so": _without_search_path(own.read_bytes())}
     found = {}
     for binary in (pythonfmu_folder() / BINARIES).glob("*/*"):
         found[f"{binary.parent.name}/{identifier}{binary.suffix}"] = binary
+    content = {path: binary.read_bytes() for path, binary in found.items()}
     if own is not None:
-        found[f"{LINUX[fmi]}/{identifier}.so"] = own
-    return {path: binary.read_bytes() for path, binary in found.items()}
+        content[f"{LINUX[fmi]}/{identifier}.so"] = _without_search_path(own.read_bytes())
+    return content
+
+
+def _without_search_path(binary: bytes) -> bytes:
+    """A binary without the folders of this machine that its Python was told to look for libraries in."""
+    flags = " ".join(str(sysconfig.get_config_var(name) or "") for name in ("LDSHARED", "LDFLAGS"))
+    for folder in re.findall(r"-Wl,-rpath[,=]([^\s,]+)", flags):
+        binary = binary.replace(folder.encode() + b"\0", b"\0" * (len(folder) + 1))
+    return binary
 
 
 def own_binary() -> Path | None:

@@ -8,9 +8,13 @@ that name: the same code has the same name, and is loaded once.
 import ast
 import hashlib
 import re
+from importlib.util import decode_source
 from pathlib import Path
+from typing import Any
 
 import pythonfmu
+
+from interface import LOADED_AT
 
 PACKAGES = ("interface", "structural", "aero", "scenes", "fmus")
 CARRIED = (*PACKAGES, "pythonfmu")
@@ -86,6 +90,12 @@ def package_of(resources):
     return sys.modules[name]
 
 
+def require(resources):
+    """Take in the code beside a script, whose imports name this package."""
+    if package_of(resources) is not sys.modules[__name__]:
+        raise ImportError(f"the code in {Path(resources, BUILT_AS)} was changed; build the FMU anew from its sources.")
+
+
 def module(name):
     """A module of the solvers. A process that has built FMUs of the same code has it loaded, under its usual name."""
     built, code = getattr(sys.modules.get("fmus.builder"), "LOADED", ("", {}))
@@ -111,8 +121,14 @@ def slave_class(resources):
 
 class {name}(slave_class(Path(__file__).parent)):
     """See {module}."""
+
+    def __new__(cls, **given):
+        """An instance of the code in the given resources, which may be other than those of this file. PythonFMU's
+        binary needs a class with a method of its own: without one it releases the module once too often.
+        """
+        return slave_class(given["resources"])(**given)
 '''
-LOOK = "__import__('{root}').package_of(__import__('os').path.dirname(__file__))\n"
+LOOK = "__import__('{root}').require(__import__('os').path.dirname(__file__))\n"
 
 
 def pythonfmu_folder() -> Path:
@@ -132,9 +148,15 @@ def sources() -> dict[str, bytes]:
             raise ValueError(f"The sources in {root} are gone, so that no FMU can carry them; start a new process.")
         for path in root.rglob("*.py"):
             inside = f"{name}/{path.relative_to(root).as_posix()}"
-            if not inside.startswith(LEFT_OUT) and "__pycache__" not in inside:
+            if not inside.startswith(LEFT_OUT) and "__pycache__" not in inside and not path.name.startswith("."):
                 found[inside] = path.read_bytes()
     return dict(sorted(found.items()))
+
+
+def unchanged() -> bool:
+    """Whether this process has loaded the code as its files are now, as far as the times of these tell."""
+    folders = [Path(__file__).parents[1] / name for name in PACKAGES]
+    return all(path.stat().st_mtime < LOADED_AT for folder in folders for path in folder.rglob("*.py"))
 
 
 def private_name(code: dict[str, bytes]) -> str:
@@ -147,7 +169,7 @@ def private_name(code: dict[str, bytes]) -> str:
 
 def private_code(code: dict[str, bytes], root: str) -> dict[str, bytes]:
     """Path -> content of the code under its private name."""
-    inside = {f"{root}/{path}": rewritten(content, root) for path, content in code.items()}
+    inside = {f"{root}/{path}": rewritten(content, root, path) for path, content in code.items()}
     return {f"{root}/__init__.py": ROOT.encode(), **inside}
 
 
@@ -156,23 +178,44 @@ _NAME = rf"(?:{'|'.join(CARRIED)})"
 _FROM = re.compile(rf"^([ \t]*)from ({_NAME}(?:\.\w+)*) import ", re.MULTILINE)
 _PLAIN = re.compile(rf"^([ \t]*)import ({_NAME})(?=[ \t]*(?:#.*)?$)", re.MULTILINE)
 _RENAMED = re.compile(rf"^([ \t]*)import ({_NAME}(?:\.\w+)*) as ", re.MULTILINE)
-_OTHER = re.compile(rf"^[ \t]*import (?:[\w., \t]+,[ \t]*)?{_NAME}\b", re.MULTILINE)
+_LEFT = re.compile(rf"\b(?:import|from)\b[^\n]*\b{_NAME}\b|import_module\(")
 
 
-def rewritten(source: bytes, root: str) -> bytes:
-    """A module whose imports of packages that FMUs carry are those of the private ones. ValueError for an import that
-    binds such a package by a dotted name, or beside others, which has no private form of one statement.
+def rewritten(source: bytes, root: str, path: str = "a module") -> bytes:
+    """A module, in UTF-8, whose imports of packages that FMUs carry are those of the private ones. ValueError, with
+    file and line, for an import that has no private form of one statement.
     """
-    text = _FROM.sub(rf"\1from {root}.\2 import ", source.decode())
+    text = decode_source(source)
+    text = _FROM.sub(rf"\1from {root}.\2 import ", text)
     text = _PLAIN.sub(rf"\1from {root} import \2", text)
     text = _RENAMED.sub(rf"\1import {root}.\2 as ", text)
-    if left := _OTHER.search(text):
-        raise ValueError(f"'{left[0].strip()}' cannot be made private: import one package a line, or from it.")
+    if _LEFT.search(text.replace(f"{root}.", "")):
+        for node in ast.walk(ast.parse(text)):
+            row = getattr(node, "lineno", 1)
+            if names := [name for name in _imported(node) if name.partition(".")[0] in CARRIED]:
+                raise ValueError(
+                    f"{path} line {row}: no FMU can carry this import of '{names[0]}'; write it as "
+                    f"'from {names[0]} import NAME' on a line of its own."
+                )
     return text.encode()
+
+
+def _imported(node: Any) -> list[str]:
+    """What a statement, or a call of import_module, imports by absolute names."""
+    match node:
+        case ast.ImportFrom(module=str(module), level=0):
+            return [module]
+        case ast.Import(names=names):
+            return [name.name for name in names]
+        case ast.Call(func=ast.Attribute(attr="import_module") | ast.Name(id="import_module" | "__import__"),
+                      args=[ast.Constant(value=str(name)), *_]):  # fmt: skip
+            return [name]
+    return []
 
 
 def script_of(source: bytes, root: str) -> bytes:
     """A script that uses packages which FMUs carry, as it stands in an FMU."""
+    source = decode_source(source).encode()
     tree = ast.parse(source)
     first = 1 if ast.get_docstring(tree, clean=False) is not None else 0
     while isinstance(tree.body[first], ast.ImportFrom) and getattr(tree.body[first], "module", "") == "__future__":

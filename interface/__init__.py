@@ -3,6 +3,8 @@
 A leaf: it imports nothing of the project, so that structure and flow need not know each other to mean the same panel.
 """
 
+import time
+
 from .failures import StepFailed
 from .mesh import SurfaceMesh
 from .mirror import MIRROR, mirror_permutation, mirror_rows
@@ -10,7 +12,10 @@ from .panels import area_vectors, corner_shares
 from .variables import Variable
 from .vectors import cross, rotation, spin, turned
 
+LOADED_AT = time.time()  # s; what is changed later is not what this process runs
+
 __all__ = [
+    "LOADED_AT",
     "MIRROR",
     "StepFailed",
     "SurfaceMesh",

@@ -13,6 +13,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -33,27 +34,30 @@ class _Writer:
         return {name: np.concatenate(parts, dtype=parts[0].dtype) for name, parts in self._parts.items()}
 
     def tree(self, value: Any) -> Any:
-        kind = type(value)
+        kind: Any = type(value)
         if value is None or kind in (bool, int, str):
             return value
         if kind is float:
             return value if math.isfinite(value) else {"float": str(value)}
+        if kind is complex:
+            return {"complex": [self.tree(value.real), self.tree(value.imag)]}
+        if kind is bytes:
+            return {"bytes": self._array(np.frombuffer(value, np.uint8))}
         if kind is tuple:
             return [self.tree(v) for v in value]
         if kind in (list, set, frozenset):
-            items = value if kind is list else sorted(value)
+            items = value if kind is list else sorted(value, key=lambda v: (type(v).__name__, repr(v)))
             return {kind.__name__: [self.tree(v) for v in items]}
         if kind is dict:
             return {"dict": [[self.tree(k), self.tree(v)] for k, v in value.items()]}
-        if isinstance(value, Enum):
-            return {"enum": _place(kind), "member": value.name}
         if kind is np.ndarray:
             return self._array(value)
         if isinstance(value, np.generic):
             return {"scalar": self._array(np.asarray(value))}
-        if is_dataclass(value):
-            held = {f.name: self.tree(getattr(value, f.name)) for f in fields(value)}
-            return {"of": _place(kind), "fields": held}
+        if isinstance(value, Enum) and kind.__members__.get(value.name) is value:
+            return {"enum": _place(kind), "member": value.name}
+        if is_dataclass(value) and not isinstance(value, type):
+            return {"of": _place(kind), "fields": self._fields(value)}
         if kind.__name__ == "csr_array":
             return {"csr": [self._array(np.asarray(a)) for a in (value.data, value.indices, value.indptr)],
                     "shape": list(value.shape)}  # fmt: skip
@@ -61,6 +65,13 @@ class _Writer:
             f"a {kind.__name__} cannot be stored; states are numbers, texts, arrays, tuples, lists, dicts, sets and "
             "dataclasses."
         )
+
+    def _fields(self, value: Any) -> dict[str, Any]:
+        held, kind = {f.name for f in fields(value)}, type(value)
+        for name in vars(value).keys() - held if hasattr(value, "__dict__") else ():
+            if not isinstance(getattr(kind, name, None), cached_property):
+                raise TypeError(f"a {kind.__name__} with '{name}' beside its fields cannot be stored; make it a field.")
+        return {name: self.tree(getattr(value, name)) for name in (f.name for f in fields(value))}
 
     def _array(self, value: np.ndarray) -> dict[str, Any]:
         if value.dtype.hasobject or value.dtype.names:
@@ -76,7 +87,14 @@ class _Writer:
         return at
 
 
-def _place(kind: type) -> str:
+@cache
+def _place(kind: Any) -> str:
+    """Module and name of a class; TypeError where it is not found there again."""
+    found: Any = sys.modules.get(kind.__module__)
+    for part in kind.__qualname__.split("."):
+        found = getattr(found, part, None)
+    if found is not kind or (kind.__new__ is not object.__new__ and not issubclass(kind, Enum)):
+        raise TypeError(f"a {kind.__name__} cannot be stored; its class must be a plain one at the top of a module.")
     return f"{kind.__module__.removeprefix(ROOT)}:{kind.__qualname__}"
 
 
@@ -101,6 +119,12 @@ class _Reader:
     @staticmethod
     def _float(tree: Any) -> float:
         return float(tree["float"])
+
+    def _complex(self, tree: Any) -> complex:
+        return complex(*(self.value(part) for part in tree["complex"]))
+
+    def _bytes(self, tree: Any) -> bytes:
+        return self._array(tree["bytes"]).tobytes()
 
     def _list(self, tree: Any) -> list[Any]:
         return [self.value(v) for v in tree["list"]]
@@ -164,7 +188,10 @@ def packed(value: Any) -> tuple[Any, dict[str, np.ndarray]]:
     cannot be stored.
     """
     writer = _Writer()
-    return writer.tree(value), writer.arrays()
+    try:
+        return writer.tree(value), writer.arrays()
+    except RecursionError:
+        raise TypeError("what contains itself, or is nested too deeply, cannot be stored.") from None
 
 
 def unpacked(tree: Any, arrays: dict[str, np.ndarray]) -> Any:

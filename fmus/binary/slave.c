@@ -60,12 +60,16 @@ static const char MAKE[] =
     "sys.path.insert(0, resources)\n"
     "try:\n"
     "    with open(resources + '/slavemodule.txt', encoding='utf-8') as file:\n"
-    "        module = __import__(file.read().strip())\n"
-    "    if hasattr(module, 'slave_class'):\n"
-    "        slaves = [module.slave_class(resources)]\n"
-    "    else:\n"
-    "        own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]\n"
-    "        slaves = [v for v in own if hasattr(v, 'do_step')]\n"
+    "        stem = file.read().strip()\n"
+    "    module = __import__(stem)\n"
+    "    with open(resources + '/' + stem + '.py', 'rb') as file:\n"
+    "        text = file.read()\n"
+    "    if getattr(module, '_text', text) != text:\n" /* that of another FMU, before it was changed in this one */
+    "        del sys.modules[stem]\n"
+    "        module = __import__(stem)\n"
+    "    module._text = text\n"
+    "    own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]\n"
+    "    slaves = [v for v in own if hasattr(v, 'do_step')]\n"
     "    if not slaves:\n"
     "        raise ValueError(module.__name__ + '.py has no class with a method do_step.')\n"
     "    made = slaves[-1](instance_name=name, resources=resources, visible=bool(visible))\n"
@@ -302,7 +306,7 @@ int slave_set_state(Slave *slave, void *state)
 int slave_serialize(Slave *slave, void *state, void **bytes)
 {
     const int gil = py.acquire_gil();
-    return end_call(slave, py.call(slave->object, "_fmu_state_to_bytes", "(O)", state), bytes, gil);
+    return end_call(slave, py.call(slave->object, "serialize", "(O)", state), bytes, gil);
 }
 
 int slave_deserialize(Slave *slave, const char *bytes, size_t size, void **state)

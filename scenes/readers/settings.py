@@ -31,6 +31,8 @@ def _offered(place: str, key: str, option: Any) -> Setting:
     default, about = option["default"], str(option.get("description", ""))
     if isinstance(default, str) and key in NUMBERS:
         raise SceneError(f"{place} default must be a number; correct it.")
+    if isinstance(default, float) and key in NUMBERS and key != "scale":
+        raise SceneError(f"{place} default must be a whole number; correct it.")
     if isinstance(default, int | float) and not isinstance(default, bool) and key not in NUMBERS:
         raise SceneError(f"{place} default must be a text; correct it.")
     if isinstance(default, str):

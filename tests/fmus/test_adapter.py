@@ -246,3 +246,19 @@ def test_a_serialised_state_of_another_layout_is_refused_by_its_number(toy):
     assert toy.log[-1] == (ERROR, "The serialised state has the layout 2; this FMU reads 3: save one with it.")
     for one in (state, old):
         toy.slave.freeFMUstate(one)
+
+
+def test_a_state_that_cannot_be_serialised_is_an_error_at_once(own_toy):
+    state = own_toy.slave.getFMUstate()
+    (saved,) = own_toy.script.SAVED
+    saved.values["odd"] = object()
+    with pytest.raises(FMICallException, match="Serialize"):
+        own_toy.slave.serializeFMUstate(state)
+    assert own_toy.log[-1] == (
+        ERROR,
+        "The state cannot be serialised: a object cannot be stored; states are numbers, texts, arrays, tuples, lists, "
+        "dicts, sets and dataclasses.",
+    )
+    own_toy.slave.freeFMUstate(state)
+    state = own_toy.slave.getFMUstate()
+    own_toy.slave.setFMUstate(own_toy.slave.deSerializeFMUstate(own_toy.slave.serializeFMUstate(state)))

@@ -82,8 +82,8 @@ def test_python_goes_on_while_the_host_takes_its_time_over_a_message(toy):
     toy.slave.dll.fmi2FreeInstance(ctypes.c_void_p(made))
 
 
-def made_by(toy, folder, stem, text=""):
-    """Instances, None where there is none, of four threads at once, from a script in a folder of resources."""
+def made_by(toy, folder, stem, text="", threads=4):
+    """Instances, None where there is none, of some threads at once, from a script in a folder of resources."""
     folder.mkdir()
     (folder / "slavemodule.txt").write_text(stem)
     (folder / f"{stem}.py").write_text(text)
@@ -92,13 +92,13 @@ def made_by(toy, folder, stem, text=""):
     def instance(_):
         return dll.fmi2Instantiate(b"x", 1, guid, place, ctypes.byref(toy.callbacks), 0, 0)
 
-    with ThreadPoolExecutor(4) as pool:
-        return list(pool.map(instance, range(4)))
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(instance, range(threads)))
 
 
 def test_a_script_that_fails_or_has_no_slave_says_so(toy, tmp_path):
-    assert made_by(toy, tmp_path / "a", "failing", "raise OSError('not now')") == [None] * 4
-    assert [text for _, text in toy.log] == ["OSError: not now"] * 4
+    assert made_by(toy, tmp_path / "a", "failing", "raise OSError('not now')", threads=1) == [None]
+    assert [text for _, text in toy.log] == ["OSError: not now"]
     assert made_by(toy, tmp_path / "b", "empty", "a = 1") == [None] * 4
     assert toy.log[-1][1] == "ValueError: empty.py has no class with a method do_step."
 
@@ -107,6 +107,9 @@ def test_a_script_is_whole_for_every_thread_that_makes_an_instance(toy, tmp_path
     text = "class Slave:\n    def __init__(self, **_): self.log_queue = []\n    def do_step(self): pass\n"
     made = made_by(toy, tmp_path / "c", "slow", "import time\ntime.sleep(0.2)\n" + text)
     assert all(made)
+    first = sys.modules["slow"]
+    made += made_by(toy, tmp_path / "d", "slow", text, threads=1)  # the same name with another text
+    assert sys.modules["slow"] is not first
     for one in made:
         toy.slave.dll.fmi2FreeInstance(ctypes.c_void_p(one))
     del sys.modules["slow"]

@@ -180,9 +180,35 @@ def late():
     import scipy.sparse
 """
     assert rewritten(source, "k_1").decode() == expected
-    for bad in (b"import scenes, numpy\n", b"import aero.wind\n"):
-        with pytest.raises(ValueError, match="import one package a line"):
-            rewritten(bad, "k_1")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import scenes, numpy",
+        "import aero.wind",
+        "from  interface import Variable",
+        "if True: from interface import Variable",
+        "import sys; from interface import Variable",
+        "import importlib\nimportlib.import_module('interface.vectors')",
+    ],
+)
+def test_an_import_without_a_private_form_is_refused_with_file_and_line(text):
+    with pytest.raises(ValueError, match=r"^aero/own.py line \d: no FMU can carry this import of '\w+(\.\w+)*'; write"):
+        rewritten(text.encode(), "k_1", "aero/own.py")
+
+
+@pytest.mark.parametrize("source", [
+    b"\xef\xbb\xbffrom interface import Variable\n",
+    b"# -*- coding: latin-1 -*-\nfrom interface import Variable\nname = '\xe9'\n",
+    b"from interface import Variable\r\nimport scenes\r\n",
+    b'"""Of waves.\n\nimport aero, then fly.\n"""\nfrom interface import Variable\n',
+])  # fmt: skip
+def test_sources_of_any_encoding_and_line_ends_are_carried(source):
+    text = rewritten(source, "k_1").decode()
+    assert "from k_1.interface import Variable\n" in text
+    assert text[0] != "\ufeff"
+    ast.parse(text)
 
 
 def test_no_private_module_imports_a_carried_package_by_its_usual_name():
@@ -219,7 +245,7 @@ def test_a_script_looks_for_its_code_after_docstring_and_future_imports():
     text = script_of(b'"""Doc."""\n\nfrom __future__ import annotations\n\nimport scenes\n', "k_1").decode()
     lines = text.splitlines()
     assert lines[:3] == ['"""Doc."""', "", "from __future__ import annotations"]
-    assert lines[4].startswith("__import__('k_1').package_of(")
+    assert lines[4].startswith("__import__('k_1').require(")
     assert lines[5] == "from k_1 import scenes"
 
 
@@ -277,3 +303,49 @@ def test_a_stored_scene_holds_numbers_and_texts_only():
     assert b"pickle" not in files["scene.npz"]
     loaded = np.load(__import__("io").BytesIO(files["scene.npz"]), allow_pickle=False)
     assert all(loaded[name].dtype.kind in "fib" for name in loaded)
+
+
+def test_notices_come_from_the_folder_of_the_scene_and_nowhere_else(tmp_path):
+    from fmus.builder import build
+
+    folder = shutil.copytree(scenes.load("typical_section").folder, tmp_path / "plate")
+    (tmp_path / "secret").write_text("secret")
+    (folder / "SOURCES.md").unlink(missing_ok=True)
+    (folder / "SOURCES.md").symlink_to(tmp_path / "secret")
+    (folder / "LICENSE-gone").symlink_to(tmp_path / "nowhere")
+    (folder / "LICENSES").mkdir()
+    (folder / "LICENSE.md").write_text("ours")
+    path = build(scenes.load(folder), tmp_path / "out", reference=False)[0]
+    with zipfile.ZipFile(path) as archive:
+        carried = {name for name in archive.namelist() if name.startswith("documentation/scene/")}
+    assert {name.rpartition("/")[2] for name in carried} - {"LICENSE.txt"} == {"LICENSE.md"}
+
+
+def test_code_that_changed_since_it_was_loaded_is_not_taken_for_that_of_an_fmu(tmp_path):
+    for room in ("interface", "structural", "aero", "scenes", "fmus"):
+        shutil.copytree(ROOT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__"))
+    script = """
+import pathlib, scenes, time
+time.sleep(0.05)
+file = pathlib.Path("scenes/cores/structure.py")
+file.write_text(file.read_text() + "\\n# changed\\n")
+from fmus import builder
+builder.build(scenes.load("typical_section"), "out", reference=False)
+print(builder.LOADED[0])
+"""
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == ""
+
+
+def test_an_fmu_carries_the_method_that_its_scene_names_alone(kite):
+    with zipfile.ZipFile(kite) as archive:
+        methods = {Path(n).stem for n in archive.namelist() if "/aero/methods/" in n}
+    assert methods == {"__init__", "vortex_step"}
+
+
+def test_no_folder_of_this_machine_is_in_a_binary(kite):
+    with zipfile.ZipFile(kite) as archive:
+        for name in archive.namelist():
+            if name.startswith("binaries/linux64/"):
+                assert sys.base_prefix.encode() not in archive.read(name)

@@ -1,8 +1,12 @@
 """FMUs where the binary of this project was not compiled: they carry that of PythonFMU, and that is said."""
 
+import subprocess
+import sys
+
 import pytest
 from typer.testing import CliRunner
 
+import scenes
 from fmus import builder
 from master.cli import app
 from tests.fmus.importer import Importer
@@ -44,3 +48,38 @@ def test_an_fmu_that_was_built_without_a_compiler_works_with_the_binary_of_pytho
             assert step(toy, 3.0) == OK
             ends.append((toy.get("position"), toy.get("steps"), toy.get("loaded")))
     assert ends[0] == ends[1]
+
+
+MANY = """
+import sys
+import fmpy
+from fmpy.fmi2 import FMU2Slave
+
+ends = []
+for path in sys.argv[1:]:
+    folder = fmpy.extract(path)
+    description = fmpy.read_model_description(folder)
+    made = [FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier,
+                      unzipDirectory=folder, instanceName=f"x{k}") for k in range(5)]
+    for slave in made:
+        slave.instantiate()
+        slave.setupExperiment()
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        slave.doStep(0.0, 1.0)
+    ends.append({slave.getReal([v.valueReference for v in description.modelVariables if v.type == "Real"][-1:])[0]
+                 for slave in made})
+    for slave in made:
+        slave.terminate()
+        slave.freeInstance()
+assert [len(found) for found in ends] == [1, 1], ends
+"""
+
+
+def test_many_instances_of_a_scene_live_with_the_binary_of_pythonfmu(monkeypatch, tmp_path):
+    monkeypatch.setattr(builder, "own_binary", lambda: None)
+    paths = builder.build(scenes.load("typical_section"), tmp_path, reference=False)
+    for order in (paths, paths[::-1]):
+        command = [sys.executable, "-I", "-c", MANY, *map(str, order)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr

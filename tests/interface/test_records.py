@@ -1,8 +1,9 @@
 """Records: what is read is bitwise what was written, and nothing but data can be."""
 
 import json
+from collections import OrderedDict
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, Flag
 
 import numpy as np
 import pytest
@@ -96,10 +97,55 @@ def test_the_same_value_gives_the_same_bytes():
     assert records.dumps(records.loads(data)) == data
 
 
-@pytest.mark.parametrize("value", [object(), lambda: 0, np.array([{}], dtype=object), open, range(3), 1j])
-def test_what_is_no_data_is_refused_by_name(value):
-    with pytest.raises(TypeError, match="cannot be stored"):
+def _local():
+    @dataclass
+    class Local:
+        x: int = 0
+
+    return Local()
+
+
+def _endless():
+    value = []
+    value.append(value)
+    return value
+
+
+@dataclass
+class Marked:
+    x: int = 0
+
+    def __post_init__(self):
+        self.cache = {}
+
+
+@dataclass
+class Listed(list):
+    x: int = 0
+
+
+class Bits(Flag):
+    A = 1
+    B = 2
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        object(), lambda: 0, np.array([{}], dtype=object), np.zeros(1, dtype="f8,i4"), open, range(3), Shape, _local(),
+        _endless(), Marked(), Listed(), Bits.A | Bits.B, Bits(0), OrderedDict(), np.random.default_rng(0),
+    ],
+)  # fmt: skip
+def test_what_is_no_data_is_refused_when_it_is_stored(value):
+    with pytest.raises(TypeError, match=r"^.* cannot be stored[.;]"):
         records.dumps([value])
+
+
+def test_numbers_of_every_kind_bytes_and_mixed_sets_come_back():
+    value = (1j, complex("nan+infj"), b"\x00\xff", {1, "a", (2, 3)}, Bits.A, 10**30, np.complex128(2j))
+    back = records.loads(records.dumps(value))
+    assert repr(back[:2]) == repr(value[:2])
+    assert back[2:] == value[2:]
 
 
 def _with_tree(tree):

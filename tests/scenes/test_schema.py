@@ -71,6 +71,7 @@ def with_setting(tmp_path, lines):
             '[settings.panels_per_section]\ndefault = "2"\noptions = ["2"]',
             r"panels_per_section\] default must be a num",
         ),
+        ("[settings.panels_per_section]\ndefault = 2.0", r"panels_per_section\] default must be a whole number"),
         ("[settings.chord]\ndefault = 1", r"\[settings.chord\] default must be a text"),
         ("[settings.line_drag]\ndefault = true", r"\[settings.line_drag\] default must be a text or a whole number"),
     ],
