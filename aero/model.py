@@ -41,7 +41,8 @@ class Flow:
 @dataclass(frozen=True, eq=False)
 class Response:
     """Answer of a model: `outputs` by name, interface loads (see LOADS) among them, the `force` (3,) N and `moment`
-    (3,) N m of all its loads, the `state` for the next step, and whether one half was solved and mirrored.
+    (3,) N m of all its loads, the `state` for the next step (None, numbers, texts, arrays, and tuples, lists, dicts or
+    dataclasses of these: see `interface.records`), and whether one half was solved and mirrored.
     """
 
     outputs: dict[str, Any]

@@ -144,7 +144,7 @@ def _unused(scene: Scene, side: str) -> tuple[str, ...]:
 
 def _other_side(scene: Scene, side: str) -> tuple[str, ...]:
     if side == "aero":
-        cores = "statics", "transient", "structur", "tapes", "holding", "tube_sections", "symmetry", "memoised"
+        cores = "statics", "transient", "structur", "tapes", "holding", "symmetry"
         return ("structural/", *(f"scenes/cores/{name}" for name in cores))
     flow = "aero/vortex_step/", "scenes/cores/flow"
     motion = "structural/dynamics/", "scenes/cores/transient"

@@ -1,4 +1,4 @@
-"""The structural solver of a scene as an FMU; inside the FMU this file is the top-level script."""
+"""The structural solver of a scene as an FMU."""
 
 from fmus.adapter import Core, CoreFmu
 from scenes import Scene

@@ -1,7 +1,10 @@
 """The structure of a scene: elements, loads and half models for present values, and the outputs that show a shape."""
 
+import operator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -9,20 +12,41 @@ from interface.mirror import mirror_permutation
 from interface.vectors import rotated
 from structural import (
     Assembly,
+    Beams,
     Loads,
     Structure,
+    breukels_tube,
+    inflatable_tube,
     interface_groups,
     interface_loads,
     line_load_forces,
+    natural_deformations,
+    reference_axes,
+    section_forces,
     surface_forces,
     tensions,
 )
 
 from .holding import held_place, held_structure
-from .memoised import Memoised
 from .symmetry import mirror_images, symmetric_groups, symmetric_state
 from .tapes import Tapes
-from .tube_sections import tube_beams, tube_state
+
+
+class Memoised:
+    """A function of arrays that keeps its last result, until one of them is another array; values are never changed in
+    place.
+    """
+
+    def __init__(self, make: Callable[..., Any]):
+        self._make = make
+        self._arguments: tuple[Any, ...] | None = None
+        self._result: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        last = self._arguments
+        if last is None or len(last) != len(arguments) or any(map(operator.is_not, last, arguments)):
+            self._result, self._arguments = self._make(*arguments), arguments
+        return self._result
 
 
 class StructuralModel:
@@ -190,3 +214,34 @@ class StructuralModel:
             soft.append(replace(group, k=k))
         same = all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True))
         return None if same else tuple(soft)
+
+
+def tube_beams(members, structure, law, pressure):
+    """The beams of all tubes (one group) at `pressure` Pa; ValueError in one sentence where the law has no answer."""
+    tubes, nodes = members.wing.tubes, members.nodes
+    l0 = np.linalg.norm(np.diff(nodes[tubes.ends], axis=1)[:, 0], axis=1)
+    section = _section(tubes.radius, structure, law, pressure)
+    return Beams(tubes.ends, tubes.rotations, reference_axes(nodes, tubes.ends), l0, section, tubes.names)
+
+
+def _section(radius, structure, law, pressure):
+    if law == "fabric":
+        return inflatable_tube(pressure, radius, structure.tube_stiffness, structure.tube_shear_stiffness)
+    tube = breukels_tube(pressure, radius)
+    if law == "tip-deflection":
+        from structural.materials.tip_deflection import tip_deflection_tube
+
+        return tip_deflection_tube(tube)
+    return tube
+
+
+def tube_state(x, rotations, beams, radius):
+    """Moment over collapse moment (e,), and strain of the fabric (e,) far from the axis: |N| / EA + kappa r.
+
+    kappa is that of the larger end by the initial stiffness up to collapse, so a lower bound where the tube softens.
+    """
+    force = section_forces(x, rotations, beams)
+    natural = natural_deformations(x, rotations, beams)
+    full = beams.section.utilisation(force)
+    bend = np.linalg.norm(natural[:, 3:5] - natural[:, 1:3], axis=1) / beams.l0
+    return full, np.abs(force[:, 0]) / beams.section.EA + bend * radius
