@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from aero.methods import methods
 from fmus.adapter import CoreFmu
 from fmus.aero_fmu import AeroFmu
 from fmus.arrays import array_description
@@ -138,7 +137,9 @@ def _unused(scene: Scene, side: str) -> tuple[str, ...]:
     name, and what is known not to be needed, unless its method is not one of this project's own.
     """
     method = "" if scene.aero is None else scene.aero.method
-    others = tuple(f"aero/methods/{name.replace('-', '_')}.py" for name in methods() if name != method)
+    own = "__init__.py", f"{method.replace('-', '_')}.py"
+    files = (path.name for path in (Path(__file__).parents[1] / "aero/methods").glob("*.py"))
+    others = tuple(f"aero/methods/{name}" for name in files if name not in own)
     return others if method not in ("", *OWN_METHODS) else (*others, *_other_side(scene, side))
 
 
