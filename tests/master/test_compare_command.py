@@ -131,7 +131,7 @@ def test_without_the_libraries_there_are_tables_and_a_remark(tmp_path, monkeypat
 def test_interrupt_keeps_the_finished_cells_and_ends_with_130(tmp_path):
     command = [sys.executable, "-m", "master", "compare", "typical_section", "v3_kite_detailed", "--jobs", "1"]
     process = subprocess.Popen(
-        [*command, "--schemes", "relaxation", "--out", str(tmp_path)],
+        [*command, "--schemes", "relaxation", "--repeat", "20", "--out", str(tmp_path)],  # some seconds in the second
         cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True, start_new_session=True,
     )  # fmt: skip
