@@ -38,12 +38,12 @@ def first_outside(values: Any, low: Any = None, high: Any = None) -> int | None:
     the shape of the values (None: unbounded); None where all are.
     """
     values = np.asarray(values, dtype=float)
-    wrong = ~np.isfinite(values)
+    right = np.isfinite(values)
     if low is not None:
-        wrong |= values < low
+        right &= values >= low
     if high is not None:
-        wrong |= values > high
-    return int(np.argmax(wrong)) if wrong.any() else None
+        right &= values <= high
+    return None if right.all() else int(np.argmin(right))
 
 
 def allowed(low: float | None, high: float | None, unit: str = "1") -> str:

@@ -144,16 +144,17 @@ class Core:
             known = ", ".join(v.name for v in self.variables if v.causality != "output")
             raise ValueError(f"there is no input or parameter '{block}'; there are: {known}.")
         array = _numeric(block, values, variable.shape)
+        if np.array_equal(array, self._values[block]):  # which were good
+            return
         bad = first_outside(array, variable.minimum, variable.maximum)
         if bad is not None:
+            _finite(block, array)
             wanted = allowed(variable.minimum, variable.maximum)
             raise ValueError(f"{block} must be {wanted}; it is {array.reshape(-1)[bad]:g}.")
         if variable.kind != "real" and np.any(array != np.round(array)):
             kind = "0 or 1" if variable.kind == "boolean" else "a whole number"
             raise ValueError(f"{block} must be {kind}; it is {array:g}.")
         self.solver.check(block, array)
-        if np.array_equal(array, self._values[block]):
-            return
         self._values[block] = array
         if block not in self.solver.inexact:
             self._outdate()
@@ -225,7 +226,8 @@ class Core:
             if block not in inputs:
                 raise ValueError(f"there is no interface input '{block}'; there are: {', '.join(inputs)}.")
         return {
-            block: _numeric(f"the direction of {block}", values, inputs[block]) for block, values in changes.items()
+            block: _finite(f"the direction of {block}", _numeric(f"the direction of {block}", values, inputs[block]))
+            for block, values in changes.items()
         }
 
     def save(self) -> CoreState:
@@ -252,17 +254,27 @@ class Core:
 
     def _arrays(self, result: Result) -> dict[str, np.ndarray]:
         shapes = self._shapes
-        return {k: np.array(np.broadcast_to(v, shapes[k]), dtype=float) for k, v in result.values.items()}
+        return {k: _filled(v, shapes[k]) for k, v in result.values.items()}
+
+
+def _filled(values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """A new array of a shape with these values, or filled with this one."""
+    array = np.array(values, dtype=float)
+    return array if array.shape == shape else np.array(np.broadcast_to(array, shape))
 
 
 def _numeric(what: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Finite float64 values of a shape; ValueError in one sentence otherwise."""
+    """Float64 values of a shape; ValueError in one sentence otherwise."""
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{what} must be numeric and finite, not {str(values)[:40]!r}.") from None
     if array.shape != shape:
         raise ValueError(f"{what} has shape {shape}, not {array.shape}.")
-    if not np.all(np.isfinite(array)):
+    return array
+
+
+def _finite(what: str, array: np.ndarray) -> np.ndarray:
+    if not np.isfinite(array).all():
         raise ValueError(f"{what} must be finite; it contains NaN or infinity.")
     return array
