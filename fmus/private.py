@@ -178,7 +178,7 @@ _NAME = rf"(?:{'|'.join(CARRIED)})"
 _FROM = re.compile(rf"^([ \t]*)from ({_NAME}(?:\.\w+)*) import ", re.MULTILINE)
 _PLAIN = re.compile(rf"^([ \t]*)import ({_NAME})(?=[ \t]*(?:#.*)?$)", re.MULTILINE)
 _RENAMED = re.compile(rf"^([ \t]*)import ({_NAME}(?:\.\w+)*) as ", re.MULTILINE)
-_LEFT = re.compile(rf"\b(?:import|from)\b[^\n]*\b{_NAME}\b|import_module\(")
+_LEFT = re.compile(rf"(?:^|[;:])[ \t]*(?:import|from)[ \t]+(?!\.)[^\n]*\b{_NAME}\b|import_module\([\"']", re.MULTILINE)
 
 
 def rewritten(source: bytes, root: str, path: str = "a module") -> bytes:
@@ -189,7 +189,8 @@ def rewritten(source: bytes, root: str, path: str = "a module") -> bytes:
     text = _FROM.sub(rf"\1from {root}.\2 import ", text)
     text = _PLAIN.sub(rf"\1from {root} import \2", text)
     text = _RENAMED.sub(rf"\1import {root}.\2 as ", text)
-    if _LEFT.search(text.replace(f"{root}.", "")):
+    done = rf"from {root} import \w+|(?:from|import) {root}(?:\.\w+)+"
+    if _LEFT.search(re.sub(done, "", text)):  # perhaps; the syntax tree knows
         for node in ast.walk(ast.parse(text)):
             row = getattr(node, "lineno", 1)
             if names := [name for name in _imported(node) if name.partition(".")[0] in CARRIED]:
