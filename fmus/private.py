@@ -173,24 +173,35 @@ def private_code(code: dict[str, bytes], root: str) -> dict[str, bytes]:
     return {f"{root}/__init__.py": ROOT.encode(), **inside}
 
 
-# Statements that import what is carried, one package each: from it, by its own name, or under another.
+# Lines that import something; of these, what is carried: from it, by its own name, or under another.
 _NAME = rf"(?:{'|'.join(CARRIED)})"
-_FROM = re.compile(rf"^([ \t]*)from ({_NAME}(?:\.\w+)*) import ", re.MULTILINE)
-_PLAIN = re.compile(rf"^([ \t]*)import ({_NAME})(?=[ \t]*(?:#.*)?$)", re.MULTILINE)
-_RENAMED = re.compile(rf"^([ \t]*)import ({_NAME}(?:\.\w+)*) as ", re.MULTILINE)
-_LEFT = re.compile(rf"(?:^|[;:])[ \t]*(?:import|from)[ \t]+(?!\.)[^\n]*\b{_NAME}\b|import_module\([\"']", re.MULTILINE)
+_LINE = re.compile(r"^[ \t]*(?:from|import)[ \t].*$", re.MULTILINE)
+_FROM = re.compile(rf"([ \t]*)from ({_NAME}(?:\.\w+)*) import ")
+_PLAIN = re.compile(rf"([ \t]*)import ({_NAME})(?=[ \t]*(?:#.*)?$)")
+_RENAMED = re.compile(rf"([ \t]*)import ({_NAME}(?:\.\w+)*) as ")
+# What the lines above may miss.
+_PUBLIC = re.compile(rf"[ \t]*(?:from|import)[ \t]+(?!\.).*\b{_NAME}\b")
+_INNER = re.compile(r"[;:][ \t]*(?:import|from)[ \t]|import_module\([\"']")
 
 
 def rewritten(source: bytes, root: str, path: str = "a module") -> bytes:
     """A module, in UTF-8, whose imports of packages that FMUs carry are those of the private ones. ValueError, with
     file and line, for an import that has no private form of one statement.
     """
-    text = decode_source(source)
-    text = _FROM.sub(rf"\1from {root}.\2 import ", text)
-    text = _PLAIN.sub(rf"\1from {root} import \2", text)
-    text = _RENAMED.sub(rf"\1import {root}.\2 as ", text)
-    done = rf"from {root} import \w+|(?:from|import) {root}(?:\.\w+)+"
-    if _LEFT.search(re.sub(done, "", text)):  # perhaps; the syntax tree knows
+    missed = False
+
+    def private(line: re.Match[str]) -> str:
+        nonlocal missed
+        for pattern, form in ((_FROM, rf"\1from {root}.\2 import "), (_PLAIN, rf"\1from {root} import \2"),
+                              (_RENAMED, rf"\1import {root}.\2 as ")):  # fmt: skip
+            text, count = pattern.subn(form, line[0], count=1)
+            if count:
+                return text
+        missed = missed or _PUBLIC.match(line[0]) is not None
+        return line[0]
+
+    text = _LINE.sub(private, decode_source(source))
+    if missed or _INNER.search(text):  # perhaps; the syntax tree knows
         for node in ast.walk(ast.parse(text)):
             row = getattr(node, "lineno", 1)
             if names := [name for name in _imported(node) if name.partition(".")[0] in CARRIED]:

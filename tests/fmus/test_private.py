@@ -189,7 +189,7 @@ def late():
         "import aero.wind",
         "from  interface import Variable",
         "if True: from interface import Variable",
-        "import sys; from interface import Variable",
+        "import sys; from interface import Variable; from aero import Wing",
         "import importlib\nimportlib.import_module('interface.vectors')",
     ],
 )
