@@ -1,5 +1,7 @@
 """Command line: `kitecosim`; what its commands do is in commands.py, transient.py, studies and fmu_coupling."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -294,6 +296,10 @@ def _finish(command: Any) -> None:
     """Run a command; bad input becomes one sentence on standard error and exit code 2."""
     try:
         code = command()
+        sys.stdout.flush()
+    except BrokenPipeError:  # who reads has heard enough, as `head` does; nothing more can be said there
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(141) from None  # as a shell calls it: 128 and SIGPIPE
     except (ValueError, OSError) as error:
         typer.echo(f"kitecosim: {error}", err=True)
         raise typer.Exit(2) from None

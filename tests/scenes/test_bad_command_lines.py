@@ -122,3 +122,14 @@ def test_whole_process_ends_with_code_2_and_one_line(tmp_path):
     assert len(done.stderr.splitlines()) == 1
     assert "wind_speed" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_a_reader_that_has_heard_enough_is_no_error():
+    """As `kitecosim scenes | head -1`; 141 is what a shell makes of SIGPIPE."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "master", "scenes", "typical_section"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    assert process.wait(60) == 141
+    process.stderr.close()
