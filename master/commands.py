@@ -67,17 +67,20 @@ def run_scene(
     built, kept = assigned, list[str]()
     if files.restart is not None:
         asked = restart.Asked(choices, choices.keys() if chosen is None else chosen, motion, assigned)
-        choices, motion, built, kept = asked.remembered(files.restart, scenes.load(name))
+        choices, built, kept = asked.remembered(files.restart, scenes.name_of(name))
     _checked(choices)
     scene, given, cores = prepared(name, built)
-    if motion and not scene.moves:
+    if files.restart is not None:
+        motion, more = asked.remembered_motion(files.restart, scene)
+        kept += more
+    if motion and not scene.transient:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
         raise ValueError(f"{option} is for transient scenes; scene '{name}' is quasi-static.")
     out = out or Path("results") / scene.name
     results_folder(out)
     with tempfile.TemporaryDirectory(prefix="kitecosim_") as built_in:
         job = Job(scene, given, choices, out, Path(built_in), files, assigned, kept)
-        if scene.moves:
+        if scene.transient:
             from master.transient import run_transient
 
             return run_transient(job, opened(scene, choices["backend"], given, job.built_in, cores), live, **motion)

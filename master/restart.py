@@ -41,7 +41,8 @@ class Job:
     @property
     def about(self) -> dict[str, Any]:
         """What a checkpoint says of the run."""
-        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings, "scene_files": digest(self.scene)}
+        scene = {"scene": self.scene.name, "scene_settings": self.scene.settings}
+        scene["scene_files"] = files_digest(self.scene.folder, self.scene.files)
         return {**scene, "parameters": _plain(self.given), **self.choices}
 
     def clear(self, names: Collection[str]) -> None:
@@ -68,11 +69,11 @@ class Job:
         return [f"as in the checkpoint: {', '.join(self.kept)}"] if self.kept else []
 
 
-def digest(scene: Any) -> str:
-    """What stands for the contents of the files that a scene is made of."""
+def files_digest(folder: Path, names: Iterable[str]) -> str:
+    """What stands for names and contents of files of a folder."""
     total = hashlib.sha256()
-    for name in sorted(set(scene.files)):
-        content = (scene.folder / name).read_bytes()
+    for name in sorted(set(names)):
+        content = (folder / name).read_bytes()
         total.update(f"{name}\n{len(content)}\n".encode() + content)
     return total.hexdigest()[:16]
 
@@ -96,30 +97,35 @@ class Asked:
     motion: Mapping[str, Any]
     assigned: Mapping[str, str]
 
-    def remembered(self, path: Path, scene: Any) -> tuple[dict[str, Any], dict[str, Any], dict[str, str], list[str]]:
-        """Choices, motion, and settings and parameters with which to build the participants, where what was not given
-        is as in a checkpoint; and what that is, in words, where it is not as without one.
+    def remembered(self, path: Path, scene: str) -> tuple[dict[str, Any], dict[str, str], list[str]]:
+        """Choices, and settings and parameters with which to build the participants of a scene of this name, where what
+        was not given is as in a checkpoint; and what that is, in words, where it is not as without one.
 
-        ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit, and for one
-        with inputs that are no longer there.
+        ValueError in one sentence for a checkpoint of another scene or backend, whose states do not fit.
         """
         about = head(path)
         same = {key: about[key] for key in self.choices if key in about and key not in self.chosen}
         if {**self.choices, **same}["scheme"] != about.get("scheme"):
             same.pop("relaxation", None)  # it was that of another scheme
         choices = {**self.choices, **same}
-        _require_same(path, about, scene=scene.name, backend=choices["backend"])
-        motion = {option: about[key] for option, key in MOTION.items() if scene.moves and key in about}
-        if scene.moves and about.get("inputs") is not None and "inputs" not in self.motion:
-            motion["inputs"] = _inputs(path, about["inputs"])
+        _require_same(path, about, scene=scene, backend=choices["backend"])
         texts = {name: str(value) for name, value in about["scene_settings"].items()}
         texts |= {name: assignment_text(value) for name, value in about["parameters"].items()}
         kept = [f"{name} = {text}" for name, text in texts.items() if name not in (*self.assigned, "trim_angle")]
         kept += [f"{name} = {value}" for name, value in same.items() if value != self.choices[name]]
-        usual = {"stop_time": scene.dynamics.stop_time, "step": scene.communication_step} if scene.moves else {}
+        return choices, {**texts, **self.assigned}, kept
+
+    def remembered_motion(self, path: Path, scene: Any) -> tuple[dict[str, Any], list[str]]:
+        """Stop time, step and inputs likewise, and in words; ValueError in one sentence where the inputs are gone."""
+        if scene.dynamics is None:
+            return dict(self.motion), []
+        about = head(path)
+        motion = {option: about[key] for option, key in MOTION.items() if key in about}
+        if about.get("inputs") is not None and "inputs" not in self.motion:
+            motion["inputs"] = _inputs(path, about["inputs"])
+        usual = {"stop_time": scene.dynamics.stop_time, "step": scene.communication_step}
         other = [name for name in motion if name not in self.motion and motion[name] != usual.get(name)]
-        kept += [f"{name} = {motion[name]}" for name in other]
-        return choices, {**motion, **self.motion}, {**texts, **self.assigned}, kept
+        return {**motion, **self.motion}, [f"{name} = {motion[name]}" for name in other]
 
 
 def head(path: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from master.coupling.exchange import ORDERS
 from master.coupling.schemes import SCHEMES, defaults
 from master.coupling.simulation import PARAMETERS
 from master.report.tables import versions
+from master.restart import files_digest
 from master.transient import transient_times
 
 # What a change of the code must not leave unnoticed; report and studies only show the numbers.
@@ -78,17 +79,17 @@ def grid(
     variants = _variants(schemes, parameters)
     cases = _cases(scenes, assigned, sweep)
     found, code = versions(), _code_digest()
-    if not any(scene.moves for scene, _, _ in cases) and any(value is not None for value in transient.values()):
+    if not any(scene.transient for scene, _, _ in cases) and any(value is not None for value in transient.values()):
         raise ValueError("--stop-time and --step are for transient scenes, and none is compared; leave them out.")
     cells = []
     for scene, given, case in cases:
-        stop, step = (
-            transient_times(scene, transient.get("stop_time"), transient.get("step")) if scene.moves else (None, None)
-        )
+        stop, step = None, None
+        if scene.transient:
+            stop, step = transient_times(scene, transient.get("stop_time"), transient.get("step"))
         digest = f"{_digest(scene.folder, ['**/*'])}-{code}"
         for (name, chosen, label), order in itertools.product(variants, orders):
             shown = label if order == ORDERS[0] else f"{label} {order}"
-            used = {**defaults(name, order), **(PARAMETERS.get(name, {}) if scene.moves else {}), **chosen}
+            used = {**defaults(name, order), **(PARAMETERS.get(name, {}) if scene.transient else {}), **chosen}
             cells.append(
                 Cell(
                     scene.name, str(scene.folder), given, case, name, used, shown, order,
@@ -215,12 +216,9 @@ def _text(value: Any) -> str:
 
 def _digest(folder: Path, patterns: Iterable[str], but: Sequence[str] = ()) -> str:
     """Hash of names and contents of the files of a folder."""
-    total = hashlib.sha256()
-    for path in sorted({p for pattern in patterns for p in folder.glob(pattern) if p.is_file()}):
-        name = path.relative_to(folder)
-        if name.parts[0] not in but and "__pycache__" not in name.parts:
-            total.update(f"{name.as_posix()}\n{path.stat().st_size}\n".encode() + path.read_bytes())
-    return total.hexdigest()[:16]
+    names = [p.relative_to(folder) for pattern in patterns for p in folder.glob(pattern) if p.is_file()]
+    kept = [n.as_posix() for n in names if n.parts[0] not in but and "__pycache__" not in n.parts]
+    return files_digest(folder, kept)
 
 
 def _code_digest() -> str:

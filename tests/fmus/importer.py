@@ -20,6 +20,29 @@ def listen(environment, _instance, status, _category, text):
     LOGS[environment].append((status, text.decode()))
 
 
+# For a process that knows only fmpy: starts an instance of an FMU; it, value references by block, the folder.
+START = """
+import shutil, sys
+import fmpy
+from fmpy.fmi2 import FMU2Slave
+
+
+def start(path):
+    folder = fmpy.extract(path)
+    description = fmpy.read_model_description(folder)
+    slave = FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier,
+                      unzipDirectory=folder, instanceName="x")
+    slave.instantiate(loggingOn=True)
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    references = {}
+    for variable in description.modelVariables:
+        references.setdefault(variable.name.partition("[")[0], []).append(variable.valueReference)
+    return slave, references, folder
+"""
+
+
 class Ending:
     """An instance `slave` of fmpy, of an FMU unpacked in `folder`; as a context it terminates, frees and removes."""
 

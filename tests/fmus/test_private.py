@@ -16,34 +16,14 @@ import pytest
 import scenes
 from fmus.private import CARRIED, private_code, private_name, rewritten, script_of, sources
 from fmus.stored_scene import read_scene, scene_files
-from tests.fmus.importer import Importer
+from tests.fmus.importer import START, Importer
 
 ROOT = Path(__file__).parents[2]
 
-HOST = """
-import shutil, sys, types
+TAKEN = """
+import sys, types
 for name in {taken!r}:
     sys.modules[name] = types.ModuleType(name)
-import fmpy
-from fmpy.fmi2 import FMU2Slave
-
-
-def start(path):
-    folder = fmpy.extract(path)
-    description = fmpy.read_model_description(folder)
-    slave = FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier,
-                      unzipDirectory=folder, instanceName="x")
-    slave.instantiate(loggingOn=True)
-    slave.setupExperiment()
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    references = {{}}
-    for variable in description.modelVariables:
-        references.setdefault(variable.name.partition("[")[0], []).append(variable.valueReference)
-    return slave, references, folder
-
-
-{body}
 """
 COUPLED = """
 (structural, s, one), (aero, a, two) = map(start, sys.argv[1:])
@@ -80,7 +60,7 @@ print([x.hex() for x in found])
 
 def host(body, paths, taken=(), binary=None):
     """What a process that knows only fmpy prints, with modules of the names `taken` of its own."""
-    script = HOST.format(taken=taken, body=body.format(taken=taken) if "{taken" in body else body)
+    script = TAKEN.format(taken=taken) + START + (body.format(taken=taken) if "{taken" in body else body)
     done = subprocess.run(
         [sys.executable, "-I", "-W", "error", "-c", script, *map(str, paths)],
         capture_output=True, text=True, timeout=120, check=False,

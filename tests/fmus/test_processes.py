@@ -10,29 +10,14 @@ import pytest
 import fmus
 import scenes
 from tests.fmus.cases import PLAIN, gust, label, start
-from tests.fmus.importer import Importer
+from tests.fmus.importer import START, Importer
 
 EXCHANGES = 3
 
 # Explicit exchange with fmpy alone; `-I` hides this folder and PYTHONPATH from the interpreter.
-SCRIPT = """
-import shutil, sys
-import fmpy
-from fmpy.fmi2 import FMU2Slave
-
-def start(path):
-    folder = fmpy.extract(path)
-    description = fmpy.read_model_description(folder)
-    slave = FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier,
-                      unzipDirectory=folder, instanceName="x")
-    slave.instantiate(loggingOn=True)
-    slave.setupExperiment()
-    slave.enterInitializationMode()
-    slave.exitInitializationMode()
-    references = {}
-    for variable in description.modelVariables:
-        references.setdefault(variable.name.partition("[")[0], []).append(variable.valueReference)
-    return slave, references, folder
+SCRIPT = (
+    START
+    + """
 
 def end(slave, folder):
     slave.terminate()
@@ -70,6 +55,7 @@ if paths[1:]:
     end(aero, aero_folder)
 print([value.hex() for value in last])
 """
+)
 
 
 def exchanged(scene):

@@ -1,4 +1,4 @@
-"""The pair of FMUs and the programs that every tool runs, and the table of tools at the end."""
+"""The pair of FMUs and the programs that every tool runs; tests/conftest.py prints the table of tools."""
 
 import sys
 
@@ -57,26 +57,3 @@ def row(record_property):
     row = Row()
     record_property("tool", vars(row))  # filled in later; of plain values, as reports of worker processes are sent on
     return row
-
-
-def _verdict(outcome, report):
-    if outcome == "skipped":
-        return f"not run: {report.longrepr[2].removeprefix('Skipped: ')}"
-    message = getattr(getattr(report.longrepr, "reprcrash", None), "message", "").removeprefix("Failed: ")
-    return f"{outcome}, {message}" if message.startswith("not run: ") else outcome
-
-
-def pytest_terminal_summary(terminalreporter):
-    rows = [("tool", "version", "order", "largest difference", "verdict")]
-    for outcome in ("passed", "skipped", "failed", "error"):
-        for report in terminalreporter.stats.get(outcome, ()):
-            for values in (value for name, value in getattr(report, "user_properties", ()) if name == "tool"):
-                row = Row(**values)
-                size = "" if row.difference is None else f"{row.difference:.1e}" if row.difference else "0"
-                rows.append((row.tool, row.version, row.order, size, _verdict(outcome, report)))
-    if len(rows) == 1:
-        return
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    terminalreporter.section("FMUs in other tools")
-    for cells in rows:
-        terminalreporter.line(" | ".join(f"{cell:{width}}" for cell, width in zip(cells, widths, strict=True)).rstrip())

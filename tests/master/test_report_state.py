@@ -11,6 +11,7 @@ import scenes
 import scenes.readers.scene as readers
 from master.commands import run_scene
 from master.coupling import SCHEMES, Coupling, coupled_run
+from master.coupling.checkpoint import Files
 from master.report import final_state, result_rows, summary
 from master.report.page import cell
 from master.report.state import loose_lines
@@ -140,5 +141,8 @@ def test_a_run_reads_its_scene_once_and_makes_each_core_once(tmp_path, monkeypat
         "scheme": "iqn-ils", "backend": backend, "relaxation": None, "tolerance": 1e-4, "force_tolerance": 1e-2,
         "max_iterations": 50, "stability": False, "report": True, "order": "serial",
     }  # fmt: skip
-    assert run_scene("v3_kite", choices, {"chord": "design", "wind_speed": "10"}, tmp_path) == 0
+    path = tmp_path / "kite.ckp"
+    assert run_scene("v3_kite", choices, {"chord": "design", "wind_speed": "10"}, tmp_path / "a", Files(path)) == 0
     assert counts == {"scenes": 1, "cores": cores}
+    assert run_scene("v3_kite", choices, {}, tmp_path / "b", Files(restart=path)) == 0
+    assert counts == {"scenes": 2, "cores": 2 * cores}
