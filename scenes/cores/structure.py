@@ -33,19 +33,19 @@ from .tapes import Tapes
 
 
 class Memoised:
-    """A function of arrays that keeps its last result, until one of them is another array; values are never changed in
-    place.
+    """The last result of a function of arrays, until one of them is another array; values are never changed in place.
+
+    The function comes with each call: kept, it would tie what owns it into a circle that outlives its last use.
     """
 
-    def __init__(self, make: Callable[..., Any]):
-        self._make = make
+    def __init__(self) -> None:
         self._arguments: tuple[Any, ...] | None = None
         self._result: Any = None
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, make: Callable[..., Any], *arguments: Any) -> Any:
         last = self._arguments
         if last is None or len(last) != len(arguments) or any(map(operator.is_not, last, arguments)):
-            self._result, self._arguments = self._make(*arguments), arguments
+            self._result, self._arguments = make(*arguments), arguments
         return self._result
 
 
@@ -62,16 +62,13 @@ class StructuralModel:
         self.tapes, self.held = Tapes(scene), held_place(scene)
         self.mirror = mirror_permutation(self.members.nodes)
         self._assemblies: dict[tuple[bool, bool], Assembly] = {}
-        self._beams = Memoised(self._tube_beams)
-        self._chains = Memoised(self._tape_chains)
-        self._groups = Memoised(lambda chains, beams: (*chains, *beams, *self.members.bending))
-        self._symmetric = Memoised(self._symmetric_groups)
+        self._beams, self._chains, self._groups, self._symmetric = (Memoised() for _ in range(4))
 
     # Elements
 
     def beams(self, values):
         """The groups of beams at the present pressure: none, or one."""
-        return () if self.members.wing is None else self._beams(values["tube_pressure"])
+        return () if self.members.wing is None else self._beams(self._tube_beams, values["tube_pressure"])
 
     def _tube_beams(self, pressure):
         return (self.tubes_at(float(pressure)),)
@@ -82,7 +79,7 @@ class StructuralModel:
 
     def chains(self, values):
         """The chains with the present tape lengths and line modulus."""
-        return self._chains(values.get("line_modulus"), *(values[name] for name in self.tapes))
+        return self._chains(self._tape_chains, values.get("line_modulus"), *(values[name] for name in self.tapes))
 
     def _tape_chains(self, modulus, *lengths):
         given = {name: float(v) for name, v in zip(self.tapes, lengths, strict=True)}
@@ -90,17 +87,22 @@ class StructuralModel:
 
     def groups(self, values):
         """All groups of elements: chains, beams, bending springs."""
-        return self._groups(self.chains(values), self.beams(values))
+        return self._groups(self._all_groups, self.chains(values), self.beams(values))
 
     def with_chains(self, values, chains):
         """All groups of elements, with other chains than the present ones."""
-        return (*chains, *self.beams(values), *self.members.bending)
+        return self._all_groups(chains, self.beams(values))
+
+    def _all_groups(self, chains, beams):
+        return (*chains, *beams, *self.members.bending)
 
     # Symmetry
 
     def symmetric(self, values, groups, loads, x):
         """Whether one half is to be solved: asked for, and elements, supports, `loads` and shape x (n,3) m are."""
-        if not (bool(values["symmetric"]) and self._mirrored_supports and self._symmetric(*groups)):
+        if not (bool(values["symmetric"]) and self._mirrored_supports):
+            return False
+        if not self._symmetric(self._symmetric_groups, *groups):
             return False
         return all(symmetric_state(one, x, self.mirror, self.images) for one in loads)
 

@@ -1,5 +1,8 @@
 """Solver cores behind their blocks: values in, values out, nothing solved twice, state that comes back bitwise."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -313,3 +316,20 @@ def test_the_length_of_the_wind_direction_does_not_matter_however_small_or_large
         air.step(0.0, 1.0)
         loads.append(air.get("pressure"))
     assert loads[1] == pytest.approx(loads[0], rel=1e-12)  # rounding of the product with the length
+
+
+@pytest.mark.parametrize("name", scenes.available())
+def test_a_core_and_its_scene_are_gone_with_their_last_use(name):
+    """Without waiting for the collector of circles: meshes, factors and assemblies of fine scenes are large."""
+    scene = scenes.load(name, {"canopy_stations": 2} if "canopy_stations" in scenes.settings_of(name) else {})
+    cores = scene.cores()
+    for core in cores.values():
+        core.step(0.0, scene.communication_step)
+    gc.collect()
+    gc.disable()
+    try:
+        kept = [weakref.ref(scene), *(weakref.ref(core.solver) for core in cores.values())]
+        del scene, cores, core
+        assert [one() for one in kept] == [None] * len(kept)
+    finally:
+        gc.enable()
