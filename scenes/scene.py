@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, eq=False)
 class SectionPolars:
     """Polars `cl`, `cd`, `cm` (p,k) over `alpha` (k,) rad, and which of them each design section has, `polar`
-    (sections,), at `span` (sections,), the fraction of the arc length of the leading edge.
+    (sections,), at `span` (sections,) m along the line of their quarter-chord points; `strips` (n,) m is the place on
+    this line that is nearest to the quarter-chord point of each strip.
     """
 
     alpha: np.ndarray
@@ -42,6 +43,7 @@ class SectionPolars:
     cm: np.ndarray
     polar: np.ndarray
     span: np.ndarray
+    strips: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -199,9 +201,9 @@ class Scene:
 
         if self.polars is None:
             raise SceneError(f"scene '{self.name}' has no polars: its scene.toml has no [wing].")
-        p, span = self.polars, self.interface.span
+        p = self.polars
         tables = p.cl[p.polar], p.cd[p.polar], p.cm[p.polar]
-        return StripPolars.from_tables(p.alpha, *tables, p.span, 0.5 * (span[1:] + span[:-1]))
+        return StripPolars.from_tables(p.alpha, *tables, p.span, p.strips)
 
     def remarks(self, outputs: dict[str, np.ndarray]) -> list[str]:
         """What the models of the flow have to say of their outputs."""
