@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from aero.model import AeroModel
 
     from .cores import Core
+    from .cores.heading import Heading
 
     Cores = dict[str, Core]
 
@@ -162,6 +163,13 @@ class Scene:
         return {"structural": self.structural_core()} | ({"aero": self.aero_core()} if self.has_flow else {})
 
     @cached_property
+    def heading(self) -> "Heading":
+        """The axes of its kite, which turn with it about the upright axis."""
+        from .cores.heading import Heading
+
+        return Heading(self)
+
+    @cached_property
     def wing_model(self) -> "AeroModel | None":
         """The model of the flow around the wing, None where the scene has no wing in a flow."""
         if self.aero is None or self.wing is None:
@@ -222,7 +230,7 @@ class Scene:
             core.set(parameter, given[parameter])
         values = {block: core.get(block) for block in core.names}
         model = StructuralModel(self)
-        return prestrained(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
+        return prestrained(self.members.nodes, model.chains(values)), asymmetry(model.members, model.groups(values))
 
     def trim_angle(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.
@@ -237,8 +245,17 @@ class Scene:
         return trim_angle(self, dict(parameters or {}), cores or self.cores())
 
     def with_trim(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> dict[str, Any]:
-        """The parameters, and the trim angle that belongs to them where the scene has one and none is given."""
+        """The parameters, and where the scene is a kite that is free to turn, what makes it start in their wind: the
+        azimuth at which it looks into it and the trim angle, each where it is not given.
+        """
         given = dict(parameters or {})
-        if self.trim is not None and "trim_angle" not in given:
+        if self.trim is None or self.aero is None:
+            return given
+        if "start_azimuth" not in given:
+            from .cores.heading import start_azimuth
+
+            turned = start_azimuth(self, given.get("wind_direction", self.aero.wind_direction))
+            given |= {"start_azimuth": turned} if turned else {}
+        if "trim_angle" not in given:
             given["trim_angle"] = self.trim_angle(given, cores)
         return given

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interface import area_vectors
-from interface.vectors import rotated
 from master.report.wing import TubeState, canopy_springs, tube_state
 
 if TYPE_CHECKING:
@@ -157,9 +156,10 @@ def final_state(scene: Any, run: "Run") -> FinalState:
     )
     turn = pivot = None
     if scene.pivot is not None:
-        wing = np.unique(mesh.panels)
-        about = scene.members.nodes[scene.pivot]
-        x, q = mesh.nodes[wing] - about, (mesh.nodes + structural["displacement"])[wing] - about
+        wing, heading = np.unique(mesh.panels), scene.heading
+        x = heading.started(mesh.nodes[wing], {}) - heading.about
+        q = (mesh.nodes + structural["displacement"])[wing] - heading.about
+        x, q = (heading.inward(v, values) for v, values in ((x, {}), (q, structural)))
         turn = float(np.arctan2(np.sum(x[:, 2] * q[:, 0] - x[:, 0] * q[:, 2]), np.sum(x[:, [0, 2]] * q[:, [0, 2]])))
         pivot = scene.members.labels[scene.pivot]
     frame = _frame(scene, structural, turn) if {"position", "tension", "rest_length"} <= structural.keys() else None
@@ -172,7 +172,7 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
         return None
     undeformed = members.nodes
     if turn is not None:
-        undeformed = rotated(members.nodes, turn, members.nodes[scene.pivot])
+        undeformed = scene.heading.started(members.nodes, {**blocks, "trim_angle": turn})
     chains = [nodes for group in members.chains for nodes in group.nodes]
     legs = [np.linalg.norm(np.diff(position[group.nodes], axis=1), axis=2) for group in members.chains]
     length = np.concatenate([leg.sum(axis=1) for leg in legs])
@@ -196,7 +196,8 @@ def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips
     width = np.linalg.norm(np.diff(quarter, axis=0), axis=1)
     arc = np.cumsum(width) - 0.5 * width - 0.5 * width.sum()
     along = aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
-    up = np.cross(along, [0.0, 1.0, 0.0])
+    up = np.array([0.0, 0.0, 1.0]) - along[2] * along  # across the wind in the upright plane through it
+    up = np.cross(along, [0.0, 1.0, 0.0]) if np.linalg.norm(up) <= 1e-9 else up
     up /= np.linalg.norm(up)
     panel = surface.panel_forces.reshape(-1, n, 3).sum(axis=0)
     lift, side, drag = (panel / width[:, None] @ np.array([up, np.cross(up, along), along]).T).T

@@ -11,6 +11,7 @@ from structural.dynamics import SCHEMES, Balance, GeneralisedAlpha, Motion, Stat
 
 from ..schema import SceneError
 from .core import Result, Solver
+from .heading import outward
 from .structural_variables import transient_variables
 from .structure import StructuralModel
 
@@ -104,7 +105,7 @@ class Transient(Solver):
 
     def follow(self, block, values, state, started):
         """See Solver."""
-        if block == "trim_angle":
+        if block in ("trim_angle", "start_azimuth"):
             x, _ = self.model.start(values)
             state = replace(state, x=x)
         elif started:
@@ -272,7 +273,8 @@ class Transient(Solver):
         lengths = {name: length for name, (length, _) in state.lengths.items()}
         chains = self.model.tapes.chains(lengths, self._modulus(values))  # as reeled, whatever the parameters say
         shown = self.model.shown(values, state.x, None, chains)
-        return shown | {"velocity": self.model.interface.weights @ state.v}
+        velocity = outward(self.model.interface.weights @ state.v, self.model.heading.axes(values))
+        return shown | {"velocity": velocity}
 
     def _outputs(self, values, state, result, air, symmetric):
         out = self._shown(values, state)
@@ -283,7 +285,7 @@ class Transient(Solver):
             inertia = inertia + np.einsum("nij,nj->i", air, state.a)
         force = self.model.external_force(state.loads, state.x)
         return out | {
-            "support_force": force - inertia,  # what moves no node is held
+            "support_force": outward(force - inertia, self.model.heading.axes(values)),  # what moves no node is held
             "integration_steps": result.steps,
             "newton_iterations": result.newton_iterations,
             "symmetry_used": float(symmetric),
