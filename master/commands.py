@@ -39,6 +39,7 @@ from master.report.record import clear_leftovers
 from master.restart import Job
 
 BACKENDS = ("fmu", "in-process")
+FOUND = {"trim_angle": "found for wind and weight,", "start_azimuth": "that of the wind,"}  # start values of parameters
 OTHER_BINARY = (
     "kitecosim: note: FMUs built here carry PythonFMU's binary, as that of kitecosim was not compiled when it was "
     "installed (is there a C compiler?); a C or C++ host needs the variables of `kitecosim host-env --preload`."
@@ -194,7 +195,7 @@ def list_scenes(name: str | None = None) -> int:
                 if v.causality == "parameter" and v.name not in shown:
                     shown.add(v.name)
                     start = ",".join(f"{x:g}" for x in np.atleast_1d(np.broadcast_to(v.start, v.shape)))
-                    start = "found for wind and weight," if v.name == "trim_angle" else start
+                    start = FOUND.get(v.name, start)
                     unit = "" if v.unit == "1" else f" {v.unit}"
                     print(f"  parameter {v.name} = {start}{unit}  {v.description}")
     return 0
