@@ -21,6 +21,7 @@ from master.coupling.participants.zero_loads import ZeroLoads
 from master.coupling.run import Run, coupled_run
 from master.coupling.schemes import SCHEMES, scheme
 from master.report import (
+    LABELS,
     RESULTS,
     missing_libraries,
     print_table,
@@ -136,6 +137,8 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = set_up
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
+    if not scene.has_flow:  # what stands in for it knows no shape
+        blocks["displacement"] = run.blocks["structural"]["displacement"]
     write_history(out / "history.csv", run.result.history)
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
     written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface, scene.members.wing)]
@@ -251,6 +254,11 @@ def _checked(choices: dict[str, Any]) -> None:
     for key in ("tolerance", "force_tolerance"):
         required_number(f"--{key.replace('_', '-')}", choices[key])
     required_count("--max-iterations", choices["max_iterations"])
+    if (labels := choices.get("labels")) is not None:
+        if labels not in LABELS:
+            raise ValueError(f"--labels takes {', '.join(LABELS[:-1])} or {LABELS[-1]}, not '{labels}'.")
+        if not choices["report"]:
+            raise ValueError("--labels asks for a plot, which --no-report leaves out; drop one of the two.")
     factor = choices["relaxation"]
     if factor is not None:
         required_number("--relaxation", factor)

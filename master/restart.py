@@ -224,7 +224,7 @@ class StepCheckpointWriter:
 
 
 # What may change without ending the loop under way: it only says how long to continue and what to do afterwards.
-HARMLESS = ("max_iterations", "stability", "report")
+HARMLESS = ("max_iterations", "stability", "report", "labels")
 
 
 def _changed(

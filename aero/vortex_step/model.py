@@ -44,10 +44,10 @@ class VortexStepModel(AeroModel):
         )
         output = partial(Variable, causality="output")
         of_panel = partial(output, counts="panel")
-        text = "net pressure on each interface panel"
-        yield of_panel("pressure", (panels,), unit="Pa", description=text)
+        yield of_panel("pressure", (panels,), unit="Pa", description=self._pressure())
         if self.wing.section_force != "normal":
-            yield of_panel("shear", (panels, 3), unit="Pa", description="traction on each interface panel")
+            text = "traction on each interface panel: all of its load that is not in pressure"
+            yield of_panel("shear", (panels, 3), unit="Pa", description=text)
         of_strip = partial(output, shape=(strips,), counts="strip")
         text = "angle of the mid-span chord to the free stream, in the plane of the wind across the span there"
         yield output("alpha_mid", unit="rad", description=text)
@@ -68,6 +68,14 @@ class VortexStepModel(AeroModel):
         yield output("residual", description="norm of the circulation imbalance relative to U c / 2")
         yield count("newton_iterations", description="Newton iterations of the step")
         yield switch("symmetry_used", causality="output", description="whether the last solve was of one half")
+
+    def _pressure(self):
+        """What pressure is, in words."""
+        if self.wing.section_force == "normal":
+            return "net pressure on each interface panel"
+        if self.wing.follow:
+            return "normal part of the load on each interface panel"
+        return "pitching couples of the strips as pressure on each interface panel; lift and drag are in shear"
 
     def solve(self, flow: Flow, values, state=None):
         """See AeroModel."""

@@ -185,13 +185,13 @@ looks into the wind given to <code>kitecosim build</code>; the plane of symmetry
 values before they are initialized.</p>
 """
 SIGNS = """<h2>Indices and signs</h2>
-<p>Global frame: x downwind and y towards the right wing as the kite is drawn, z up.
-Coordinates are in m and those of the design shape, from
-where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its normal is along its area
-vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code> pushes along the normal,
-to the suction side: its force is pressure · a. {shear}A corner
+<p>Global frame: z up; in the design shape x goes downwind and y towards the right wing. Coordinates are in m and those
+of the design shape, from where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its
+normal is along its area vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code>
+pushes along the normal, to the suction side: its force is pressure · a. {shear}A corner
 that is listed twice makes a triangle. All indices count from 1{counted}.</p>
 """
 COUNTED = ", as in the names of the scalars"
 COUNTED_IN_ARRAYS = "; the first entry of an array in memory has index 1 here"
-SHEAR = "That of <code>shear</code> is shear · |a|, along the global axes. "
+SHEAR = """That of <code>shear</code> is shear · |a|, along the global axes. The load on a panel is the sum of both:
+<code>pressure</code> alone is what turns with the panel, not the pressure difference across it. """

@@ -11,11 +11,11 @@ from master.coupling.acceleration import Scheme
 from master.coupling.equilibrium import CoupledResult, Coupling, solve
 from master.coupling.stability import Stability, static_stability
 
-# A wing whose tips are closer together than this part of their distance at the start has folded: loads draw those of the
-# V3 kite together to 0.90 of it at 20 m/s, folded ones are at 0.72 and less (docs/verification.md).
+# A wing whose tips are closer together than this part of their distance at the start has folded: loads draw those of
+# the V3 kite together to 0.90 of it at 20 m/s, folded ones are at 0.72 and less (docs/verification.md).
 FOLDED = 0.85
-# Change of C_L from the start, as a factor either way, that a kite which turns and deforms does not make: 0.5 to 1.6 are
-# found on the intended branch.
+# Change of C_L from the start, as a factor either way, that a kite which turns and deforms does not make: 0.5 to 1.6
+# are found on the intended branch.
 LIFT_JUMP = 3.0
 
 
@@ -82,7 +82,7 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
 
 
 def _branch_remarks(history: list[dict[str, float]]) -> list[str]:
-    """Whether the end is far from the start, another equilibrium than the one meant; from the first row and the last."""
+    """Whether the end is far from the start, another equilibrium than the one meant, by the first and the last row."""
     first, last = (history[k] if history else {} for k in (0, -1))
     tips, lift = (tuple(row.get(f"aero.{name}", np.nan) for row in (first, last)) for name in ("tip_span", "CL"))
     found = []

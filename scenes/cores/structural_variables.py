@@ -51,7 +51,7 @@ def _loads(scene):
     interface, panels = scene.interface, len(scene.interface.panels)
     of_panel = partial(Variable, counts="panel")
     if "pressure" in scene.loads:
-        text = "net pressure on each interface panel, follower"
+        text = "pressure along the normal of each interface panel, follower"
         yield of_panel("pressure", (panels,), unit="Pa", description=text)
     if "shear" in scene.loads:
         text = "traction on each interface panel, keeps its global direction"
