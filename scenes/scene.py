@@ -33,15 +33,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SectionPolars:
-    """Polars `cl`, `cd`, `cm` (p,k) over `alpha` (k,) rad, and which of them each design section has, `polar`
-    (sections,), at `span` (sections,) m along the line of their quarter-chord points; `strips` (n,) m is the place on
-    this line that is nearest to the quarter-chord point of each strip.
+    """Polars `cl`, `cd`, `cm` (p,k) over `alpha` (k,) rad, their end values beyond the `ends` (p,2) rad of their data.
+
+    `polar` (sections,) is the one that each design section has, at `span` (sections,) m along the line of their
+    quarter-chord points; `strips` (n,) m is the place on this line that is nearest to the quarter-chord point of each
+    strip.
     """
 
     alpha: np.ndarray
     cl: np.ndarray
     cd: np.ndarray
     cm: np.ndarray
+    ends: np.ndarray
     polar: np.ndarray
     span: np.ndarray
     strips: np.ndarray
@@ -211,7 +214,7 @@ class Scene:
             raise SceneError(f"scene '{self.name}' has no polars: its scene.toml has no [wing].")
         p = self.polars
         tables = p.cl[p.polar], p.cd[p.polar], p.cm[p.polar]
-        return StripPolars.from_tables(p.alpha, *tables, p.span, p.strips)
+        return StripPolars.from_tables(p.alpha, *tables, p.span, p.strips, p.ends[p.polar])
 
     def remarks(self, outputs: dict[str, np.ndarray]) -> list[str]:
         """What the models of the flow have to say of their outputs."""
