@@ -13,6 +13,7 @@ from ..scene import SectionPolars
 from ..schema import SceneError, WingInput
 from .description import Description
 from .polars import at_common_angles, read_curves
+from .span_order import check_span_order
 from .tables import Table, name, number, read_table
 
 QUARTER = 0.25  # of the chord: where the lifting line is
@@ -72,29 +73,22 @@ def _struts(folder, scene, members):
             f"{table.at(int(row))}: the trailing edge lies upwind of the leading edge; swap the two nodes or turn "
             "wind_direction in scene.toml."
         )
-    y = members.nodes[struts, 1].mean(axis=1)
-    if np.any(np.diff(y) <= 0.0):
-        row = int(np.flatnonzero(np.diff(y) <= 0.0)[0]) + 1
-        raise SceneError(
-            f"{table.at(row)}: struts must go from the left tip (y < 0) to the right one; reorder the rows."
-        )
+    check_span_order(table, "struts", members.nodes[struts.T], scene.aero.wind_direction)
     return struts
 
 
-def read_sections(folder: Path, wing: WingInput) -> Table:
-    """The table of design sections, left tip first."""
+def read_sections(folder: Path, wing: WingInput, wind: tuple[float, ...]) -> Table:
+    """The table of design sections, left tip first as seen facing the `wind`."""
     columns: dict[str, Callable[[str], Any]] = {"section": name, "polar": name}
     columns |= {f"{side}_{axis}_m": number for side in ("le", "te") for axis in "xyz"}
     table = read_table(folder / wing.sections, columns)
     if len(table) < 2:
         raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two sections; add one.")
-    edge = np.array([table[f"le_{axis}_m"] for axis in "xyz"]).T
-    same = np.flatnonzero(np.linalg.norm(np.diff(edge, axis=0), axis=1) == 0.0)
+    edges = design_edges(table, 1.0)
+    same = np.flatnonzero(np.all(np.diff(_quarter_chord(*edges), axis=0) == 0.0, axis=1))
     if len(same):
-        raise SceneError(f"{table.at(int(same[0]) + 1)}: the leading edge is that of the row above; move it.")
-    if edge[0, 1] >= edge[-1, 1]:
-        where = f"{table.path.parent.name}/{table.path.name}"
-        raise SceneError(f"{where}: sections must go from the left tip (y < 0) to the right one; reverse the rows.")
+        raise SceneError(f"{table.at(int(same[0]) + 1)}: the quarter chord is that of the row above; move the section.")
+    check_span_order(table, "sections", np.array(edges), wind)
     return table
 
 

@@ -25,17 +25,19 @@ _TUBE_SETTINGS = ("canopy_stations", "canopy_subdivisions", "tube_law")
 _STRUT_SETTINGS = ("chord", "panels_per_section")
 
 
-def read_members(folder: Path, structure: StructureInput, choices: Choices, offered: Iterable[str]) -> Members:
+def read_members(
+    folder: Path, structure: StructureInput, choices: Choices, offered: Iterable[str], wind: tuple[float, ...]
+) -> Members:
     """All members of the [structure] section, checked: missing and duplicate nodes and names, dangling lines.
 
-    `offered` are the names of the settings that the scene has.
+    `offered` are the names of the settings that the scene has, `wind` its direction, which tells left from right.
     """
     check_wing_keys(folder, structure, choices, offered)
     labels, nodes, fixed = _nodes(folder / structure.nodes)
     wing = None
     if structure.tubes:
         mesh = choices.canopy_stations, choices.canopy_subdivisions
-        wing = read_wing_mesh(folder, structure, labels, nodes, fixed, *mesh)
+        wing = read_wing_mesh(folder, structure, labels, nodes, fixed, *mesh, wind)
         labels, nodes = wing.labels, wing.nodes
         fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
     table_index = {label: i for i, label in enumerate(labels)}

@@ -19,16 +19,19 @@ from .tables import Table
 BUILT_IN = Path(__file__).resolve().parents[1]
 _TABLES = ("nodes", "springs", "canopy", "lines", "masses", "ribs", "tubes", "attachments", "loads")  # of [structure]
 
+_DOWNWIND = (1.0, 0.0, 0.0)  # x, where a scene has no wind
+
 
 def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     """The scene with this name or in this folder; raises `SceneError` with one sentence where anything is wrong."""
     folder = _folder(scene)
     read = read_description(folder, settings or {})
     read = _scaled(folder, read)
-    members = read_members(folder, read.structure, read.choices, read.offers)
+    wind = _DOWNWIND if read.aero is None else read.aero.wind_direction
+    members = read_members(folder, read.structure, read.choices, read.offers, wind)
     struts = read_struts(folder, read, members)
     wing = read.wing
-    sections = None if wing is None else read_sections(folder, wing)
+    sections = None if wing is None else read_sections(folder, wing, wind)
     pivot, interface = read.structure.pivot, _interface(read, members, struts, sections)
     polars = None
     if wing is not None and sections is not None:
