@@ -221,6 +221,18 @@ class Scene:
         models = [m for m in (self.wing_model, self.lines_model) if m is not None]
         return [remark for model in models for remark in model.remarks(outputs)]
 
+    def notes(self) -> list[str]:
+        """What is worth a line of its tables in every run."""
+        from .checks import bare_line_ends
+
+        bare = bare_line_ends(self.members, self.point_loads, self.structure.line_density / self.choices.scale)
+        if not bare:
+            return []
+        more = f" and {len(bare) - 6} more" if len(bare) > 6 else ""
+        return [
+            f"lines that end free, where nothing but their own weight and the wind pulls: {', '.join(bare[:6])}{more}"
+        ]
+
     def hints(self, parameters: Mapping[str, Any] | None = None) -> tuple[list[str], str]:
         """What looks odd in the structure with these parameters: elements far off their rest length in the design
         shape, and the first thing that breaks its symmetry ("" if nothing does).
