@@ -47,7 +47,7 @@ def run_transient(
     table = None if inputs is None else Inputs.read(inputs)
     about = {**job.about, "stop_time": stop, "communication_step": dt}
     about["inputs"] = None if inputs is None else inputs_file(inputs)
-    remarks = list(job.remembered)
+    remarks = [*job.remembered, *scene.notes()]
     begin = time.perf_counter()
     with participants as pair:
         if table is not None:
