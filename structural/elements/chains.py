@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from interface.validity import Criterion
+
 from .contract import ElementGroup
 
 # Radius of the knob at a sheave and at the ends of a rope, relative to the rest length of the rope: some millimetres on
@@ -21,6 +23,15 @@ TOUCH = 1e-10
 # of a line that becomes taut at speed would jump else, and an implicit step over the jump would have no solution.
 ONSET = 1e-5
 
+# Strain above which the stiffness of lines is not that of lines any more, and that of springs in place of a canopy.
+LINE_STRAIN = Criterion(
+    "largest_line_strain", "line strain", 0.01, "LEI thesis, section 5.2.1: lines stretch by less than 1 %", percent=True
+)
+CANOPY_STRAIN = Criterion(
+    "largest_canopy_strain", "canopy strain", 0.01, "LEI thesis, section 7.1: every element stretches by less than 1 %",
+    percent=True,
+)  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Chains(ElementGroup):
@@ -29,6 +40,7 @@ class Chains(ElementGroup):
     `nodes` (e, m) indices along the rope, `l0` (e,) rest length m (0 is allowed for springs), `k` (e,) stiffness N/m of
     the whole element, `two_way` (e,) bool: also takes compression, `names` (e,). In motion `c` (e,) N s/m is the
     viscous damping of the rate of its length (None: none), over that of its rest length, `l0_rate` (e,) m/s (None: 0).
+    `canopy` (e,) bool are elements that stand for fabric (None: none); the others that cannot push are lines.
     """
 
     nodes: np.ndarray
@@ -38,6 +50,7 @@ class Chains(ElementGroup):
     names: tuple[str, ...] = field(default=())
     c: np.ndarray | None = None
     l0_rate: np.ndarray | None = None
+    canopy: np.ndarray | None = None
 
     def __post_init__(self):
         if self.c is not None and np.any(self.c < 0.0):
@@ -78,6 +91,22 @@ class Chains(ElementGroup):
     def reeling_power(self, at):
         """See ElementGroup."""
         return reeling_power(at.x, at.v, self)
+
+    @property
+    def criteria(self):
+        """See ElementGroup."""
+        kinds = (LINE_STRAIN, self._lines), (CANOPY_STRAIN, self.canopy)
+        return tuple(criterion for criterion, rows in kinds if rows is not None and rows.any())
+
+    def judged(self, at):
+        """See ElementGroup."""
+        strain = strains(chain_lengths(at.x, self), self)
+        found = {LINE_STRAIN.name: np.where(self._lines, strain, 0.0)}
+        return found if self.canopy is None else found | {CANOPY_STRAIN.name: np.where(self.canopy, strain, 0.0)}
+
+    @property
+    def _lines(self):
+        return ~self.two_way if self.canopy is None else ~(self.two_way | self.canopy)
 
     def undamped(self):
         """See ElementGroup."""
@@ -129,6 +158,17 @@ def tensions(x, chains):
     """
     _, l, _, _ = _legs(x, chains)
     return _tension(l, chains)[0]
+
+
+def chain_lengths(x, chains):
+    """Length m (e,) of every element, over all of its legs, as its law has it: its tension is k <length - l0>."""
+    return _legs(x, chains)[1].sum(axis=1)
+
+
+def strains(length, chains):
+    """Elongation over rest length (e,) of elements of a length m (e,), negative where slack; 0 without rest length."""
+    some = chains.l0 > 0.0
+    return np.where(some, length / np.where(some, chains.l0, 1.0) - 1.0, 0.0)
 
 
 def _tension(l, chains):
