@@ -19,7 +19,8 @@ class Criterion:
     """What an answer is judged by: the output `name`, a scalar, is at most `limit`, by what `source` says.
 
     `quantity` is what a sentence calls it. The output `place` counts from 1, in the `labels`, where the largest value
-    stands (0: nowhere); where there is only one place, `where` says what is to be known of it. `percent`: shown as such.
+    stands (0: nowhere); where there is only one place, `where` says what is to be known of it. `percent`: values are
+    shown as such; `whole`: they are counts.
     """
 
     name: str

@@ -21,4 +21,4 @@ def wing_model(wing):
 
     options = {name: wing.options[name] for name in (*OPTIONS, "camber")}
     grid = SurfaceGrid(wing.sections, wing.fractions)
-    return VortexStepModel(VortexStep(wing.polars(), grid, **options), wing.symmetric)
+    return VortexStepModel(VortexStep(wing.polars(), grid, **options), wing.symmetric, wing.transient)

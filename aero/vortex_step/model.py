@@ -1,11 +1,13 @@
 """The vortex-step method as a model of the flow around an interface of strips."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from aero.model import AeroModel, Flow, Response, StripLayout
-from interface import MIRROR, StepFailed, Variable
+from interface import MIRROR, Criterion, StepFailed, Variable
+from interface.validity import worst
 
 from .wing import VortexStep, WingSensitivity
 
@@ -13,24 +15,45 @@ from .wing import VortexStep, WingSensitivity
 POSITION_ASYMMETRY = 1e-9
 # Difference of mirrored velocities, m/s, likewise.
 VELOCITY_ASYMMETRY = 1e-6
+# What the strips are judged by: name, quantity, limit, source.
+OF_STRIPS = (
+    ("stalled_strips", "stalled strips", 0.0, "section polars up to their largest lift; steady lifting lines have no "
+     "single answer beyond, docs/theory/aerodynamics.md"),
+    ("strips_beyond_polar", "strips beyond their polar", 0.0, "section polars: end values are held beyond"),
+)  # fmt: skip
+OF_MOTION = Criterion(
+    "reduced_frequency", "reduced frequency", 0.05,
+    "steady aerodynamics: ram-air thesis, section 4.3.1; Wright and Cooper (2008)",
+)  # fmt: skip
 
 
 class VortexStepModel(AeroModel):
     """A `VortexStep` wing in a uniform wind; the state is the circulation (n,) m^2/s, a warm start.
 
     One half is solved and mirrored where `symmetric` asks for it and flow, shape, motion and polars all are; here
-    `symmetric` is its start value.
+    `symmetric` is its start value. In a `transient` case it says how fast the circulation changes.
     """
 
     title = "the vortex-step method (a lifting line) with section polars"
 
-    def __init__(self, wing: VortexStep, symmetric: bool):
+    def __init__(self, wing: VortexStep, symmetric: bool, transient: bool = False):
         self.wing = wing
         self.title = self.title if wing.induction else "strip theory with section polars"
         self.strips = StripLayout(wing.grid.sections, "alpha", "circulation", wing.polars)
         self._stall = wing.polars.stall_angles()
         self._mirrored_polars = wing.polars.mirrored()
-        self.variables = tuple(self._declared(float(symmetric)))
+        labels = tuple(f"strip {i}" for i in range(1, len(wing.grid.sections)))
+        self.criteria = tuple(Criterion(*given, labels=labels, whole=True) for given in OF_STRIPS)
+        self._moves = replace(OF_MOTION, labels=labels) if transient else None
+        self.variables = (*self._declared(float(symmetric)), *self._validity_variables())
+        self.criteria += () if self._moves is None else (self._moves,)
+
+    def _validity_variables(self):
+        """Last of all, so that what came before them keeps its place."""
+        for criterion in self.criteria:
+            yield criterion.variables("strip")[1]
+        if self._moves is not None:
+            yield from self._moves.variables("strip")
 
     def _declared(self, symmetric):
         panels, strips = len(self.wing.grid.panels), len(self.wing.grid.sections) - 1
@@ -87,6 +110,7 @@ class VortexStepModel(AeroModel):
             )
         with np.errstate(all="ignore"):
             outputs = self._outputs(flow, loads) | {"symmetry_used": float(symmetric)}
+            outputs |= self._reduced_frequency(flow, loads, state)
             return Response(outputs, loads.total_force(), loads.total_moment(flow.about), found.gamma, bool(symmetric))
 
     def _mirrored(self, vectors, tolerance):
@@ -103,8 +127,10 @@ class VortexStepModel(AeroModel):
         if self.wing.camber:
             shift = out["camber_shift"] = -self.wing.grid.camber(sections, loads.strips.normal)[0]
         low, high = self._stall
-        at = found.alpha + shift
+        at, table = found.alpha + shift, self.wing.polars.alpha
         return out | {
+            "stalled_strips_at": worst(np.maximum(at - high, low - at))[1],
+            "strips_beyond_polar_at": worst(np.maximum(at - table[-1], table[0] - at))[1],
             "circulation": found.gamma,
             "span": np.ptp(sections[..., 1]),
             "tip_span": np.linalg.norm(bound[-1] - bound[0]),
@@ -115,9 +141,27 @@ class VortexStepModel(AeroModel):
             "newton_iterations": found.newton_iterations,
         }
 
+    def _reduced_frequency(self, flow, loads, before):
+        """k = omega c / 2 U of the strip where it is largest, and which that is: omega is the change of its circulation
+        since the step before, `before` (n,) m^2/s, over the time and over the largest circulation of the wing, U the
+        speed of the air that it meets. Where loads swing between nothing and twice their mean at a frequency f, its
+        largest value is pi f c / U; smaller swings count by their part of the load, as their unsteadiness does.
+        """
+        if self._moves is None:
+            return {}
+        found = loads.circulation
+        largest = np.abs(found.gamma).max()
+        if before is None or flow.dt <= 0.0 or largest == 0.0:
+            k = np.zeros(1)
+        else:
+            moved = np.abs(found.gamma - before) / (largest * flow.dt)
+            k = 0.5 * moved * loads.strips.chord / np.where(found.speed > 0.0, found.speed, np.inf)
+        return dict(zip((self._moves.name, self._moves.place), worst(k), strict=True))
+
     def repeated(self, values):
         """See AeroModel."""
-        return {"newton_iterations": 0}
+        still = {} if self._moves is None else {self._moves.name: 0.0, self._moves.place: 0}
+        return {"newton_iterations": 0} | still
 
     def derivative(self, flow: Flow, values, state):
         """See AeroModel. Exact to rounding: the circulation follows by the implicit function theorem, all else by

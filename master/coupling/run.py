@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,14 @@ import numpy as np
 from master.coupling.acceleration import Scheme
 from master.coupling.equilibrium import CoupledResult, Coupling, solve
 from master.coupling.stability import Stability, static_stability
+from master.coupling.validity import Judgement
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
     """A finished run: status, the coupled result, its stability (None: not asked for or not converged), the blocks of
-    both participants at the end, their causality, remarks worth a line, and how often each solver was called.
+    both participants at the end, their causality, remarks worth a line, how often each solver was called, and how far
+    the result lies within what its models are known to be good for.
     """
 
     status: str
@@ -26,6 +28,7 @@ class Run:
     causality: dict[str, dict[str, str]]
     remarks: list[str]
     evaluations: int
+    validity: list[Judgement] = field(default_factory=list)
 
 
 def coupled_run(
@@ -61,7 +64,8 @@ def coupled_run(
     told = "recovered" if result.status == "converged" else "tried to recover"
     remarks = _remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
     remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
-    return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
+    evaluations, validity = coupling.evaluations, coupling.validity()
+    return Run(status, message, result, judged, blocks, causality, remarks, evaluations, validity)
 
 
 def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:

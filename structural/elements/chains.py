@@ -25,7 +25,11 @@ ONSET = 1e-5
 
 # Strain above which the stiffness of lines is not that of lines any more, and that of springs in place of a canopy.
 LINE_STRAIN = Criterion(
-    "largest_line_strain", "line strain", 0.01, "LEI thesis, section 5.2.1: lines stretch by less than 1 %", percent=True
+    "largest_line_strain",
+    "line strain",
+    0.01,
+    "LEI thesis, section 5.2.1: lines stretch by less than 1 %",
+    percent=True,
 )
 CANOPY_STRAIN = Criterion(
     "largest_canopy_strain", "canopy strain", 0.01, "LEI thesis, section 7.1: every element stretches by less than 1 %",
