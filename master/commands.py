@@ -320,10 +320,9 @@ def opened(
 
             paths = build(scene, out / "fmus", parameters, reference=False, cores=cores)
             fmus = [stack.enter_context(FmuParticipant(path)) for path in paths]
-            sides: dict[str, Participant] = dict(zip(("structural", "aero"), fmus, strict=False))
-            for side, core in (cores or scene.cores()).items():
-                sides[side].criteria = core.criteria  # an FMU has their outputs, and their limits in words only
-            yield sides
+            for fmu, core in zip(fmus, (cores or scene.cores()).values(), strict=False):
+                fmu.criteria = core.criteria  # an FMU has their outputs, and their limits in words only
+            yield dict(zip(("structural", "aero"), fmus, strict=False))
         else:
             yield {
                 side: InProcessParticipant(core, {k: v for k, v in parameters.items() if k in core.names})

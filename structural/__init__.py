@@ -7,7 +7,7 @@ from .assembly import Assembly
 from .elements import Configuration, ElementGroup
 from .elements.beams import Beams, natural_deformations, reference_axes, section_forces
 from .elements.bending import BendingSprings, bending_energy, quad_rows, row_bending, triple_bending
-from .elements.chains import Chains, chain_lengths, damping_forces, strains, tensions
+from .elements.chains import Chains, damping_forces, tensions
 from .loads import FaceLoad, Faces, Legs, LineLoad, Lines, LoadGroup, Wind
 from .loads.faces import surface_forces, surface_forces_and_tangents
 from .loads.legs import drag_forces, line_load_forces, line_load_forces_and_tangents
@@ -38,7 +38,6 @@ __all__ = [
     "area_vectors",
     "bending_energy",
     "breukels_tube",
-    "chain_lengths",
     "collapse_deflection",
     "corner_shares",
     "damping_forces",
@@ -56,7 +55,6 @@ __all__ = [
     "reference_axes",
     "row_bending",
     "section_forces",
-    "strains",
     "surface_forces",
     "surface_forces_and_tangents",
     "tensions",

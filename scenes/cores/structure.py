@@ -18,20 +18,19 @@ from structural import (
     Loads,
     Structure,
     breukels_tube,
-    chain_lengths,
     inflatable_tube,
     interface_groups,
     interface_loads,
     line_load_forces,
     reference_axes,
-    strains,
     surface_forces,
-    tensions,
 )
 
 from .holding import held_place, held_structure
 from .symmetry import mirror_images, symmetric_groups, symmetric_state
 from .tapes import Tapes
+
+OF_CHAINS = ("tension", "length", "strain")  # outputs that are what chains measure
 
 
 class Memoised:
@@ -188,20 +187,18 @@ class StructuralModel:
         chains, or of others.
         """
         chains = self.chains(values) if chains is None else chains
-        tension = np.concatenate([tensions(x, c) for c in chains])
-        lengths = [chain_lengths(x, c) for c in chains]
+        groups = self.with_chains(values, chains)
+        measured = [group.measured(Configuration(x, rotations)) for group in groups]
+        of_chains = {k: np.concatenate([m[k] for m in measured[: len(chains)]]) for k in OF_CHAINS}
         out = {
             "position": x,
             "displacement": self.interface.weights @ x - self.interface.nodes,
-            "tension": tension,
             "rest_length": np.concatenate([c.l0 for c in chains]),
-            "length": np.concatenate(lengths),
-            "strain": np.concatenate([strains(l, c) for l, c in zip(lengths, chains, strict=True)]),
             "axial_stiffness": np.concatenate([c.k * c.l0 for c in chains]),
-            "slack_lines": np.count_nonzero((self.members.area > 0.0) & (tension <= 0.0)),
+            "slack_lines": np.count_nonzero((self.members.area > 0.0) & (of_chains["tension"] <= 0.0)),
         }
-        judged = self._judged(self.with_chains(values, chains), Configuration(x, rotations))
-        out |= self._verdict(judged)
+        judged = self._judged(groups, measured)
+        out |= of_chains | self._verdict(judged)
         if self.members.wing is None:
             return out
         load, ends = judged["largest_moment_over_collapse"], self.members.wing.tubes.ends
@@ -237,9 +234,9 @@ class StructuralModel:
             yield from criterion.variables(counted)
         yield outside_variable()
 
-    def _judged(self, groups, at):
-        """Name of criterion -> values of all elements of the families that have it, in a `Configuration`."""
-        found = [(type(group), len(group), group.judged(at)) for group in groups]
+    def _judged(self, groups, measured):
+        """Name of criterion -> values of all elements of the families that have it, from what each group `measured`."""
+        found = [(type(g), len(g), g.judged(m)) for g, m in zip(groups, measured, strict=True)]
         families = {name: family for family, _, values in found for name in values}
         return {
             name: np.concatenate([values.get(name, np.zeros(count)) for of, count, values in found if of is family])

@@ -70,12 +70,16 @@ class Beams(ElementGroup):
         """See ElementGroup: those of the section."""
         return self.section.criteria
 
-    def judged(self, at):
-        """See ElementGroup."""
+    def measured(self, at):
+        """See ElementGroup: by name what the section is judged by."""
         if not self.criteria:
             return {}
         natural = natural_deformations(at.x, at.rotations, self)
         return self.section.judged(self.section.response(natural, self.l0)[0], natural, self.l0)
+
+    def judged(self, measured):
+        """See ElementGroup."""
+        return measured
 
     def stiffness(self, at):
         """None that counts: shifted by that along their axes, slow modes of bending would look stiff."""

@@ -102,9 +102,18 @@ class Chains(ElementGroup):
         kinds = (LINE_STRAIN, self._lines), (CANOPY_STRAIN, self.canopy)
         return tuple(criterion for criterion, rows in kinds if rows is not None and rows.any())
 
-    def judged(self, at):
+    def measured(self, at):
+        """See ElementGroup: `length` m over all legs of a rope, as its law has it, `tension` N, and `strain`, the
+        elongation over the rest length, negative where slack, 0 without rest length.
+        """
+        length = _legs(at.x, self)[1].sum(axis=1)
+        some = self.l0 > 0.0
+        strain = np.where(some, length / np.where(some, self.l0, 1.0) - 1.0, 0.0)
+        return {"length": length, "tension": _tension(length, self)[0], "strain": strain}
+
+    def judged(self, measured):
         """See ElementGroup."""
-        strain = strains(chain_lengths(at.x, self), self)
+        strain = measured["strain"]
         found = {LINE_STRAIN.name: np.where(self._lines, strain, 0.0)}
         return found if self.canopy is None else found | {CANOPY_STRAIN.name: np.where(self.canopy, strain, 0.0)}
 
@@ -161,22 +170,11 @@ def tensions(x, chains):
     frictionless rope has the same tension in all of its legs.
     """
     _, l, _, _ = _legs(x, chains)
-    return _tension(l, chains)[0]
+    return _tension(l.sum(axis=1), chains)[0]
 
 
-def chain_lengths(x, chains):
-    """Length m (e,) of every element, over all of its legs, as its law has it: its tension is k <length - l0>."""
-    return _legs(x, chains)[1].sum(axis=1)
-
-
-def strains(length, chains):
-    """Elongation over rest length (e,) of elements of a length m (e,), negative where slack; 0 without rest length."""
-    some = chains.l0 > 0.0
-    return np.where(some, length / np.where(some, chains.l0, 1.0) - 1.0, 0.0)
-
-
-def _tension(l, chains):
-    stretch = l.sum(axis=1) - chains.l0
+def _tension(length, chains):
+    stretch = length - chains.l0
     tension = np.where(chains.two_way | (stretch > 0.0), chains.k * stretch, 0.0)
     return tension, chains.two_way | (stretch > -TOUCH * chains.l0)
 
@@ -184,7 +182,7 @@ def _tension(l, chains):
 def chain_energy(x, chains):
     """Strain energy J of all elements, sum of k <stretch>^2 / 2."""
     _, l, _, _ = _legs(x, chains)
-    t, _ = _tension(l, chains)
+    t, _ = _tension(l.sum(axis=1), chains)
     return float(np.sum(0.5 * t * t / chains.k))
 
 
@@ -199,7 +197,7 @@ def _length_gradient(u):
 def chain_forces(x, chains):
     """Internal forces N (e, m, 3) on the nodes of every element: the gradient of its strain energy, T dL/dx."""
     u, l, _, _ = _legs(x, chains)
-    t, _ = _tension(l, chains)
+    t, _ = _tension(l.sum(axis=1), chains)
     return t[:, None, None] * _length_gradient(u)
 
 
@@ -211,7 +209,7 @@ def chain_forces_and_tangents(x, chains):
     of zero rest length gives k I even at zero length.
     """
     u, l, safe, jammed = _legs(x, chains)
-    t, active = _tension(l, chains)
+    t, active = _tension(l.sum(axis=1), chains)
     per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
     g = _length_gradient(u)
     if g.shape[1] == 2:

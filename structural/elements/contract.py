@@ -136,8 +136,14 @@ class ElementGroup:
         """What its elements are judged by; here nothing."""
         return ()
 
-    def judged(self, at) -> dict[str, np.ndarray]:
-        """Name of each of the `criteria` -> values (e,) of the elements in a configuration."""
+    def measured(self, at) -> dict[str, np.ndarray]:
+        """What the elements carry and how far they stretch in a configuration, name -> values (e,): all that they are
+        judged by, and what else is worth showing.
+        """
+        return {}
+
+    def judged(self, measured) -> dict[str, np.ndarray]:
+        """Name of each of the `criteria` -> values (e,) of the elements, from what was `measured`."""
         return {}
 
     # Variants of them
