@@ -160,6 +160,7 @@ class FlowSolver(Solver):
     def repeated(self, values, state, first, t, dt):
         """See Solver."""
         out = {} if first else {k: v for m in self.models for k, v in m.repeated(values).items()}
+        out["outside_validity"] = outside(self.criteria, {**values, **out})
         return Result(out, replace(state, time=self._end(t, dt)))
 
     def look(self, values, state):

@@ -215,10 +215,14 @@ class StructuralModel:
     @cached_property
     def _criteria(self) -> dict[Criterion, str]:
         """What the elements are judged by -> what the places of its values count."""
+        try:
+            groups = self._structure.groups
+        except ValueError:  # of a pressure that no tube has: the check of start values says so
+            return {}
         found = {}
-        for group in self._structure.groups:
+        for group in groups:
             for criterion in group.criteria:
-                family = [g for g in self._structure.groups if type(g) is type(group)]
+                family = [g for g in groups if type(g) is type(group)]
                 labels = tuple(g.label(row) for g in family for row in range(len(g)))
                 found[replace(criterion, labels=labels)] = group.counted
         return found
