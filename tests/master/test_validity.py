@@ -159,3 +159,10 @@ def test_participants_without_criteria_are_not_judged():
     from master.report.validity import validity_row
 
     assert validity_row([]) == ("validity", "not judged, as no model here has limits")
+
+
+def test_comparison_counts_what_is_outside_validity():
+    from master import compare
+
+    soft, stiff = compare("v3_kite", ["iqn-ils"], sweep={"line_modulus": ["0.55e9", "100e9"]}, jobs=0)
+    assert (soft["outside_validity"], stiff["outside_validity"]) == (1, 0)
