@@ -182,7 +182,8 @@ class Scene:
 
         options = {**self.aero.options, "camber": self.choices.camber_feedback == "on"}
         i, symmetric = self.interface, self.structure.symmetric
-        return wing_model(self.aero.method, Wing(i, options, symmetric, i.sections, i.fractions, self.strip_polars))
+        of_strips = i.sections, i.fractions, self.strip_polars
+        return wing_model(self.aero.method, Wing(i, options, symmetric, *of_strips, self.transient))
 
     @cached_property
     def lines_model(self) -> "AeroModel | None":

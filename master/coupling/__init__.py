@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from master.coupling.schemes import SCHEMES, scheme
     from master.coupling.simulation import Simulation, simulate
     from master.coupling.stability import static_stability
+    from master.coupling.validity import Judgement, judgements
 
 __all__ = [
     "SCHEMES",
@@ -25,11 +26,13 @@ __all__ = [
     "Exchange",
     "FmuParticipant",
     "InProcessParticipant",
+    "Judgement",
     "Participant",
     "Run",
     "Simulation",
     "StepFailed",
     "coupled_run",
+    "judgements",
     "scheme",
     "simulate",
     "solve",
@@ -44,6 +47,7 @@ _MODULES = {
     "schemes": ("SCHEMES", "scheme"),
     "simulation": ("Simulation", "simulate"),
     "stability": ("static_stability",),
+    "validity": ("Judgement", "judgements"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

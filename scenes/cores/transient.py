@@ -79,6 +79,7 @@ class Transient(Solver):
             raise SceneError(f"{scene.name}/scene.toml: [dynamics] has no inertia of tubes yet; drop it or the tubes.")
         self.name, self.model = scene.name, StructuralModel(scene)
         self.variables = tuple(transient_variables(scene, self.model))
+        self.criteria = self.model.criteria
         self._scheme = SCHEMES[scene.choices.integration or scene.dynamics.scheme]
         self._density = scene.structure.line_density
         self._require_masses(scene)

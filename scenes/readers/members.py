@@ -149,6 +149,7 @@ def _grouped(elements):
                 np.array([e.k for e in part], float),
                 np.array([e.two_way for e in part], bool),
                 tuple(e.name for e in part),
+                canopy=np.array([e.fabric for e in part], bool) if any(e.fabric for e in part) else None,
             )
         )
     return tuple(groups), np.array([elements[i].area for i in order])

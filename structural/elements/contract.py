@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from interface.mirror import canonical_chains, paired_rows
+from interface.validity import Criterion
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,7 @@ class ElementGroup:
 
     nodes: np.ndarray
     names: tuple[str, ...] = ()
+    counted: ClassVar[str] = "element"  # what one of them is called
 
     def __len__(self):
         return len(self.nodes)
@@ -126,6 +128,23 @@ class ElementGroup:
     def reeling_power(self, at):
         """Power W that changes of rest length put into the dampers."""
         return 0.0
+
+    # Up to where they are known to be good
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """What its elements are judged by; here nothing."""
+        return ()
+
+    def measured(self, at) -> dict[str, np.ndarray]:
+        """What the elements carry and how far they stretch in a configuration, name -> values (e,): all that they are
+        judged by, and what else is worth showing.
+        """
+        return {}
+
+    def judged(self, measured) -> dict[str, np.ndarray]:
+        """Name of each of the `criteria` -> values (e,) of the elements, from what was `measured`."""
+        return {}
 
     # Variants of them
 
