@@ -13,8 +13,7 @@ from interface.mirror import mirror_permutation, symmetrised
 from interface.validity import Criterion, outside, outside_variable
 
 from .core import Result, Solver
-from .heading import inward
-from .structural_variables import start_azimuth
+from .heading import azimuth_variables, inward
 
 # How far a reference area may lie beyond projected and laid-out area of the mesh, which ends at the outermost struts
 # and has straight chords: of the V3 kite 16.9 to 21.3 m2, where 19.75 (projected) and 25 m2 (flat) are published.
@@ -78,7 +77,7 @@ class FlowSolver(Solver):
                 yield Variable("glide_ratio", causality="output", description=text)
             shown = () if model is None else model.variables
             yield from (v for v in shown if v.causality == "output" and (v.name not in LOADS or v in later))
-        yield from start_azimuth(self._scene)
+        yield from azimuth_variables(self._scene)
 
     def _air(self, aero):
         of_node = partial(Variable, shape=(len(self._interface.nodes), 3), counts="interface node")

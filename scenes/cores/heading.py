@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from interface import Variable
 from interface.vectors import azimuth, azimuth_axes, rotated
 
 SMALLEST = 1e-9  # rad: less is the rounding of tables
@@ -57,6 +58,15 @@ def inward(vectors, axes):
 def outward(vectors, axes):
     """Vectors (...,3) of the kite in the global axes."""
     return vectors if axes is None else vectors @ axes.T
+
+
+def azimuth_variables(scene):
+    """The parameter of both sides that turns a kite to the wind, where it has a trim angle."""
+    if scene.trim is not None:
+        text = "rigid rotation about the upright axis through the pivot in which the kite starts, after trim_angle; "
+        text += "its plane of symmetry turns with it"
+        given = {"causality": "parameter", "variability": "fixed", "unit": "rad", "minimum": -7.0, "maximum": 7.0}
+        yield Variable("start_azimuth", **given, description=text)
 
 
 def start_azimuth(scene, direction):

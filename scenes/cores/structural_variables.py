@@ -4,6 +4,8 @@ from functools import partial
 
 from interface import Variable
 
+from .heading import azimuth_variables
+
 tunable = partial(Variable, causality="parameter", variability="tunable")
 fixed = partial(Variable, causality="parameter", variability="fixed")
 output = partial(Variable, causality="output")
@@ -29,7 +31,7 @@ def static_variables(scene, model):
     yield _symmetry_used(scene, model)
     yield from _of_elements(scene, model)
     yield from model.validity_variables()
-    yield from start_azimuth(scene)
+    yield from azimuth_variables(scene)
 
 
 def transient_variables(scene, model):
@@ -47,7 +49,7 @@ def transient_variables(scene, model):
     yield _symmetry_used(scene, model)
     yield from _of_elements(scene, model)
     yield from model.validity_variables()
-    yield from start_azimuth(scene)
+    yield from azimuth_variables(scene)
 
 
 def _loads(scene):
@@ -191,11 +193,3 @@ def _of_elements(scene, model):
         of_tube = partial(output, shape=(len(wing.tubes.names),), labels=wing.tubes.names, counts="tube", unit="m")
         yield of_tube("tube_rest_length", description="rest length")
         yield of_tube("tube_length", description="distance between its ends")
-
-
-def start_azimuth(scene):
-    """The parameter of both sides that turns a kite to the wind, where it has a trim angle."""
-    if scene.trim is not None:
-        text = "rigid rotation about the upright axis through the pivot in which the kite starts, after trim_angle; "
-        text += "its plane of symmetry turns with it"
-        yield fixed("start_azimuth", unit="rad", minimum=-7.0, maximum=7.0, description=text)
