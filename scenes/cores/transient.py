@@ -18,6 +18,8 @@ ENERGIES = {
     "kinetic_energy": "kinetic", "elastic_energy": "elastic", "external_work": "work", "reeling_work": "reeled",
     "dissipated_energy": "dissipated", "numerical_loss": "numerical_loss",
 }  # fmt: skip
+# Part of the loads that may be out of balance at a start in equilibrium, as in the steps after it.
+START_RTOL = 1e-9
 MOST_SUBSTEPS = 1e6  # of the integration within a communication step: none is meant to take longer
 
 
@@ -259,7 +261,8 @@ class Transient(Solver):
         """The state at rest in equilibrium under the loads."""
         groups = self.model.groups(values)
         symmetric = self.model.symmetric(values, groups, (loads,), state.x)
-        found = equilibrium(self.model.assembly(symmetric), loads, state.x, 1e-4, groups=groups)
+        tolerance = float(values["solver_tolerance"])
+        found = equilibrium(self.model.assembly(symmetric), loads, state.x, tolerance, START_RTOL, groups)
         if not found.converged:
             raise StepFailed(
                 f"no equilibrium to start from: {found.residual:.3g} N out of balance after {found.iterations} Newton "
