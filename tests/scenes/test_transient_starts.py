@@ -48,3 +48,17 @@ def test_a_start_in_equilibrium_is_as_exact_as_the_solver_tolerance_asks(tmp_pat
         core.step(0.0, 0.01)
         imbalance.append(float(core.get("kinetic_energy")))
     assert imbalance[0] < 1e-12 * max(imbalance[1], 1e-6)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
+def test_twice_the_line_weighs_twice_as_much_at_every_scale(scale, tmp_path):
+    offer = '[settings.scale]\ndefault = 1.0\nminimum = 0.1\nmaximum = 10.0\ndescription = "scale"\n'
+    scene = load(hanging(tmp_path, 8, 1e9, 1300.0, offer, length=110.0), {"scale": scale})
+    weight = []
+    for length in (110.0 * scale, 220.0 * scale):
+        core = scene.structural_core()
+        core.set("line_length", length)
+        core.step(0.0, 0.01)
+        weight.append(core.get("support_force")[2])
+    assert weight[1] / weight[0] == pytest.approx(2.0, rel=1e-6)  # out of balance by a millionth of a newton
+    assert weight[0] == pytest.approx(-1300.0 * 0.25 * np.pi * 0.01**2 * 110.0 * 9.81 * scale**2, rel=1e-6)
