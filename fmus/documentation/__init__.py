@@ -174,6 +174,8 @@ def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
         place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())
         pivot = html.escape(scene.members.labels[scene.pivot])
         text += texts.TRIM.format(value=instance.start("trim_angle")[0], pivot=pivot, place=place)
+    if scene.start is not None:
+        text += texts.START
     counted = texts.COUNTED if fmi == 2 else texts.COUNTED_IN_ARRAYS
     text += texts.SIGNS.format(shear=texts.SHEAR if "shear" in blocks else "", counted=counted)
     return text + "".join(_table(*table) for table in _tables(instance, scene))

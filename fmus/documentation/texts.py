@@ -182,6 +182,11 @@ angle at which wind and weight leave no pitching moment in the wind given there.
 angle, the first steps are further from equilibrium and may fail, or lead to another one. Give both FMUs the same
 value before they are initialized.</p>
 """
+START = """<p>Both FMUs start in the equilibrium of structure and flow for the parameters given to
+<code>kitecosim build</code>, at rest: a host that steps them once a step from there sees no motion until something
+changes. With another wind, other tapes or masses before the first step the start is none of both together, and the
+kite swings; with another <code>trim_angle</code> it is the design shape, turned by that.</p>
+"""
 SIGNS = """<h2>Indices and signs</h2>
 <p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
 where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its normal is along its area

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from master.coupling.schemes import SCHEMES, scheme
     from master.coupling.simulation import Simulation, simulate
     from master.coupling.stability import static_stability
+    from master.coupling.start import with_start
 
 __all__ = [
     "SCHEMES",
@@ -34,6 +35,7 @@ __all__ = [
     "simulate",
     "solve",
     "static_stability",
+    "with_start",
 ]
 
 _MODULES = {
@@ -44,6 +46,7 @@ _MODULES = {
     "schemes": ("SCHEMES", "scheme"),
     "simulation": ("Simulation", "simulate"),
     "stability": ("static_stability",),
+    "start": ("with_start",),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -25,6 +25,7 @@ from master.coupling.schemes import SCHEMES, scheme
 FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
 PREDICTOR = "linear"
+START_SCHEME = "iqn-ils"
 ROUNDING = 1e-9  # part of a time by which it may miss that of a row of inputs
 # Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
 # makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
@@ -160,6 +161,13 @@ class Simulation:
         return found
 
 
+def equilibrium_is_asked_for(participants: Mapping[str, Participant]) -> bool:
+    """Whether a structure in a flow is to start in equilibrium."""
+    structure = participants[STRUCTURE]
+    asked = FLOW in participants and "start_in_equilibrium" in structure.blocks
+    return asked and bool(structure.get("start_in_equilibrium"))
+
+
 def exchange_of(participants: Mapping[str, Participant], step: float) -> Exchange:
     """Both participants, connected by every output of one that is an input of the other, by name."""
     connections = [
@@ -198,8 +206,10 @@ def simulate(
     """Step a moving structure and the flow around it from 0 to `stop_time` s in communication steps of `step` s.
 
     `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
-    once; its loads act all through the step (the structure's loads_vary is set to 0). The others repeat a step until
-    the motion changes by no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` vary
+    once; its loads act all through the step (the structure's loads_vary is set to 0). A first step that starts in
+    equilibrium it iterates all the same, by START_SCHEME, where both sides can restore a state: without, the structure
+    would be in equilibrium with the flow around another shape. The others repeat every step until the motion changes by
+    no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` vary
     in time; `follower(time, simulation)` is called at the start and after every step.
 
     `hold(exchange, scheme, march)` follows every step with what a checkpoint needs; `begun(exchange, scheme)` restores
@@ -241,11 +251,17 @@ def simulate(
         if hold is not None:
             hold(exchange, used, march)
 
-    explicit = scheme_name == "explicit"
-    result: MarchResult = march(
-        exchange, used, stop_time, order, atol=1.0 if explicit else tolerances(exchange, order, tolerance), rtol=0.0,
-        predictor=PREDICTOR, max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
-    )  # fmt: skip
+    def marched(by: Scheme | None, end: float) -> MarchResult:
+        atol = 1.0 if scheme_name == "explicit" and by is None else tolerances(exchange, order, tolerance)
+        return march(
+            exchange, by, end, order, atol=atol, rtol=0.0, predictor=PREDICTOR, max_iterations=max_iterations,
+            callback=accepted, hold=held, begun=now,
+        )  # fmt: skip
+
+    settles = used is None and not len(now.steps) and equilibrium_is_asked_for(run.participants)
+    settles = settles and stop_time > exchange.time and not exchange.without_rollback()
+    first = marched(_scheme(START_SCHEME, exchange, order, {}), exchange.end) if settles else None
+    result = marched(used, stop_time) if first is None or first.status in GOOD else first
     run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
     run.evaluations, run.seconds = result.evaluations, result.seconds
     return run

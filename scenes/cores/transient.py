@@ -81,6 +81,7 @@ class Transient(Solver):
             raise SceneError(f"{scene.name}/scene.toml: [dynamics] has no inertia of tubes yet; drop it or the tubes.")
         self.name, self.model = scene.name, StructuralModel(scene)
         self.variables = tuple(transient_variables(scene, self.model))
+        self._start = scene.start
         self._scheme = SCHEMES[scene.choices.integration or scene.dynamics.scheme]
         # all masses go with the square of the scale, so what a metre of line weighs goes with the scale of its section
         self._density = scene.structure.line_density / scene.choices.scale
@@ -99,9 +100,13 @@ class Transient(Solver):
 
     def begin(self, values):
         """See Solver."""
-        x, _ = self.model.start(values)
+        x = self._start_positions(values)
         state = TransientState(x, np.zeros_like(x), np.zeros_like(x), lengths=self._lengths(values))
         return Result(self._shown_at_rest(values, state), state)
+
+    def _start_positions(self, values):
+        x, _ = self.model.start(values)
+        return x if self._start is None else self._start.of_nodes(x)
 
     def _lengths(self, values):
         return {name: (float(values[name]), float(values[name])) for name in self.model.tapes}
@@ -109,8 +114,7 @@ class Transient(Solver):
     def follow(self, block, values, state, started):
         """See Solver."""
         if block == "trim_angle":
-            x, _ = self.model.start(values)
-            state = replace(state, x=x)
+            state = replace(state, x=self._start_positions(values))
         elif started:
             return Result()
         else:  # what is set before the first step is where it begins
