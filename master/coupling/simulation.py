@@ -26,6 +26,7 @@ FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
 PREDICTOR = "linear"
 START_SCHEME = "iqn-ils"
+NO_START = "no equilibrium of structure and flow was found to start from; the structure starts in its own"
 ROUNDING = 1e-9  # part of a time by which it may miss that of a row of inputs
 # Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
 # makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
@@ -208,9 +209,9 @@ def simulate(
     `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
     once; its loads act all through the step (the structure's loads_vary is set to 0). A first step that starts in
     equilibrium it iterates all the same, by START_SCHEME, where both sides can restore a state: without, the structure
-    would be in equilibrium with the flow around another shape. The others repeat every step until the motion changes by
-    no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` vary
-    in time; `follower(time, simulation)` is called at the start and after every step.
+    would be in equilibrium with the flow around another shape; where that fails, it is so, with a message. The others
+    repeat every step until the motion changes by no more than `tolerance` m; `parameters` of the scheme go before
+    PARAMETERS. `inputs` vary in time; `follower(time, simulation)` is called at the start and after every step.
 
     `hold(exchange, scheme, march)` follows every step with what a checkpoint needs; `begun(exchange, scheme)` restores
     the participants of a run, and gives what it continues from. ValueError in one sentence for bad input; a step that
@@ -258,13 +259,29 @@ def simulate(
             callback=accepted, hold=held, begun=now,
         )  # fmt: skip
 
-    settles = used is None and not len(now.steps) and equilibrium_is_asked_for(run.participants)
-    settles = settles and stop_time > exchange.time and not exchange.without_rollback()
-    first = marched(_scheme(START_SCHEME, exchange, order, {}), exchange.end) if settles else None
-    result = marched(used, stop_time) if first is None or first.status in GOOD else first
+    first = None
+    settles = used is None and not len(now.steps) and stop_time > exchange.time
+    if settles and equilibrium_is_asked_for(run.participants) and not exchange.without_rollback():
+        start = _scheme(START_SCHEME, exchange, order, {})
+        first = _first_step(run, exchange, lambda: marched(start, exchange.end))
+    ended = first is not None and (first.status not in GOOD or exchange.time > stop_time - 0.5 * step)
+    result = first if ended and first is not None else marched(used, stop_time)
     run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
     run.evaluations, run.seconds = result.evaluations, result.seconds
     return run
+
+
+def _first_step(run: Simulation, exchange: Exchange, iterated: Callable[[], MarchResult]) -> MarchResult | None:
+    """The first communication step of a run, iterated; None where that found no equilibrium, and the run stands at its
+    beginning with a message.
+    """
+    result = iterated()
+    if result.status in GOOD or exchange.time > run.start:
+        return result
+    if len(run.steps):
+        run.steps.drop()
+    run.steps.messages.append((1, NO_START))
+    return None
 
 
 def _require(

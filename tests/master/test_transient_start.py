@@ -87,6 +87,17 @@ def test_a_script_starts_from_the_coupled_equilibrium_in_the_first_step(scheme):
         assert set(run.steps.iterations[1:]) == {1}
 
 
+def test_without_a_coupled_equilibrium_the_explicit_scheme_starts_in_that_of_the_structure_and_says_so():
+    scene = load("v3_kite_dynamic")
+    sides = _sides(scene, scene.with_trim({}))
+    told = []
+    run = simulate(sides, 5 * DT, DT, "explicit", max_iterations=2, follower=lambda t, run: told.append(len(run.steps)))
+    assert run.finished
+    assert told == [0, 1, 2, 3, 4, 5]
+    assert list(run.steps.iterations) == [1] * 5
+    assert "structure starts in its own" in " ".join(sentence for _, sentence in run.steps.messages)
+
+
 def test_a_start_is_that_of_its_parameters_and_leaves_the_solvers_as_they_were():
     scene = load("v3_kite_dynamic")
     given = scene.with_trim({"wind_speed": 14.0})
