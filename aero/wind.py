@@ -54,9 +54,16 @@ class Coefficients:
 
 
 def lift_direction(direction):
-    """Unit vector (3,) across the wind `direction` (3,) and the span (y): where lift is positive."""
-    across = np.cross(direction, [0.0, 1.0, 0.0])
-    return across / np.linalg.norm(across)
+    """Unit vector (3,) across the wind `direction` (3,), in the upright plane through it: where lift is positive. In an
+    upright wind it is across y too.
+    """
+    up = np.array([0.0, 0.0, 1.0])
+    across = up - (up @ direction) * direction / (direction @ direction)
+    length = np.linalg.norm(across)
+    if length <= 1e-9:
+        across = np.cross(direction, [0.0, 1.0, 0.0])
+        length = np.linalg.norm(across)
+    return across / length
 
 
 def coefficients(force, direction, pressure_area):

@@ -56,10 +56,12 @@ def picture(path):
     """The shape plot of the run at 12 m/s as SVG."""
     from master.report.figures import rendered
     from master.report.shape import shape_figure
+    from master.report.views import wind_of
 
     run, _ = flown(12.0)
     scene, _ = loaded("v3_kite", wind_speed=12.0)
-    figure = shape_figure(final_state(scene, run), f"{scene.title}, wind 12 m/s", run.status)
+    wind = wind_of(run.blocks["aero"])
+    figure = shape_figure(final_state(scene, run), f"{scene.title}, wind 12 m/s", run.status, wind)
     path.write_bytes(rendered(figure)["svg"])
 
 

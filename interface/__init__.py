@@ -7,7 +7,7 @@ import time
 
 from .failures import StepFailed
 from .mesh import SurfaceMesh
-from .mirror import MIRROR, mirror_permutation, mirror_rows
+from .mirror import MIRROR, UprightPlane, mirror_permutation, mirror_rows
 from .panels import area_vectors, corner_shares
 from .variables import Variable
 from .vectors import cross, rotation, spin, turned
@@ -19,6 +19,7 @@ __all__ = [
     "MIRROR",
     "StepFailed",
     "SurfaceMesh",
+    "UprightPlane",
     "Variable",
     "area_vectors",
     "corner_shares",

@@ -1,9 +1,13 @@
-"""Mirror symmetry in the plane y = 0: images of points and of elements that join them."""
+"""Mirror symmetry in the plane y = 0: images of points and of elements that join them; other upright planes."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 # What a mirror in y = 0 does to a polar vector; the axis of a rotation gets the opposite signs.
 MIRROR = np.array([1.0, -1.0, 1.0])
+# Of unit vectors, and of lengths over the span.
+ROUNDING = 1e-12
 
 
 def mirror_permutation(points, tolerance=1e-6):
@@ -60,3 +64,44 @@ def unique_half(images):
 def symmetrised(values, image):
     """The symmetric part of vectors (n,...,3) or scalars (n,) with the mirror `image` (n,) of each."""
     return 0.5 * (values + values[image] * (MIRROR if values.ndim > 1 else 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class UprightPlane:
+    """An upright plane of symmetry, which `inward` brings to y = 0.
+
+    `axes` (3,3) have as columns the directions aft, across the plane and up, None where they are x, y, z; `offset` m is
+    how far the plane is from the origin, along its normal.
+    """
+
+    axes: np.ndarray | None
+    offset: float
+
+    @classmethod
+    def between(cls, left, right):
+        """The plane half way between two sets of points (k,3) m, the tips of a wing; None where one is above the other.
+
+        A plane that is y = 0 but for rounding is y = 0.
+        """
+        left, right = np.mean(left, axis=0), np.mean(right, axis=0)
+        across, middle = right - left, 0.5 * (left + right)
+        length = np.hypot(across[0], across[1])
+        if not length > 1e-6 * np.abs(across[2]):
+            return None
+        normal = np.array([across[0], across[1], 0.0]) / length
+        offset = float(normal @ middle)
+        if normal[1] > 0.0 and abs(normal[0]) <= ROUNDING and abs(offset) <= ROUNDING * length:
+            return cls(None, 0.0)
+        axes = np.array([[normal[1], normal[0], 0.0], [-normal[0], normal[1], 0.0], [0.0, 0.0, 1.0]])
+        return cls(axes, offset)
+
+    def inward(self, vectors, point=False):
+        """Vectors (...,3), or points, in axes where the plane is y = 0."""
+        if self.axes is None:
+            return vectors
+        turned = vectors @ self.axes
+        return turned - np.array([0.0, self.offset, 0.0]) if point else turned
+
+    def outward(self, vectors):
+        """Vectors (...,3) in the axes of `inward`, back in the axes where the plane is upright only."""
+        return vectors if self.axes is None else vectors @ self.axes.T

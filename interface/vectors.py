@@ -44,3 +44,15 @@ def rotated(points, angle, about):
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     return about + (points - about) @ turn.T
+
+
+def azimuth_axes(angle):
+    """Rotation matrix (3,3) about z by `angle` rad, from above anticlockwise: its columns are the turned axes."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def azimuth(direction):
+    """Angle rad from the x axis to the horizontal part of a vector (3,), anticlockwise from above; 0 where upright."""
+    x, y = float(direction[0]), float(direction[1])
+    return float(np.arctan2(y, x)) if np.hypot(x, y) > 1e-9 * np.linalg.norm(direction) else 0.0

@@ -58,6 +58,13 @@ def run(
     max_iterations: Annotated[int, typer.Option(help="Maximum number of coupling iterations.")] = 200,
     stability: Annotated[bool, typer.Option(help="Assess the static stability of the equilibrium found.")] = True,
     report: Annotated[bool, typer.Option(help="Write plots, VTK files and an HTML page too.")] = True,
+    labels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WHAT",
+            help="Plot the bridle with names too, as labels.png and labels.svg on a large page: nodes, lines or both.",
+        ),
+    ] = None,
     checkpoint: CheckpointOption = None,
     checkpoint_every: Annotated[
         int, typer.Option(help="Coupling iterations between checkpoints; transient cases: communication steps.")
@@ -100,6 +107,7 @@ def run(
         "max_iterations": max_iterations,
         "stability": stability,
         "report": report,
+        "labels": labels,
     }
     _finish(
         lambda: run_scene(

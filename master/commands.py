@@ -22,6 +22,7 @@ from master.coupling.run import Run, coupled_run
 from master.coupling.schemes import SCHEMES, scheme
 from master.coupling.start import with_start
 from master.report import (
+    LABELS,
     RESULTS,
     missing_libraries,
     print_table,
@@ -40,6 +41,7 @@ from master.report.record import clear_leftovers
 from master.restart import Job
 
 BACKENDS = ("fmu", "in-process")
+FOUND = {"trim_angle": "found for wind and weight,", "start_azimuth": "that of the wind,"}  # start values of parameters
 OTHER_BINARY = (
     "kitecosim: note: FMUs built here carry PythonFMU's binary, as that of kitecosim was not compiled when it was "
     "installed (is there a C compiler?); a C or C++ host needs the variables of `kitecosim host-env --preload`."
@@ -138,6 +140,8 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = set_up
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
+    if not scene.has_flow:  # what stands in for it knows no shape
+        blocks["displacement"] = run.blocks["structural"]["displacement"]
     write_history(out / "history.csv", run.result.history)
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
     written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface, scene.members.wing)]
@@ -197,7 +201,7 @@ def list_scenes(name: str | None = None) -> int:
                 if v.causality == "parameter" and v.name not in shown:
                     shown.add(v.name)
                     start = ",".join(f"{x:g}" for x in np.atleast_1d(np.broadcast_to(v.start, v.shape)))
-                    start = "found for wind and weight," if v.name == "trim_angle" else start
+                    start = FOUND.get(v.name, start)
                     unit = "" if v.unit == "1" else f" {v.unit}"
                     print(f"  parameter {v.name} = {start}{unit}  {v.description}")
     return 0
@@ -256,6 +260,11 @@ def _checked(choices: dict[str, Any]) -> None:
     for key in ("tolerance", "force_tolerance"):
         required_number(f"--{key.replace('_', '-')}", choices[key])
     required_count("--max-iterations", choices["max_iterations"])
+    if (labels := choices.get("labels")) is not None:
+        if labels not in LABELS:
+            raise ValueError(f"--labels takes {', '.join(LABELS[:-1])} or {LABELS[-1]}, not '{labels}'.")
+        if not choices["report"]:
+            raise ValueError("--labels asks for a plot, which --no-report leaves out; drop one of the two.")
     factor = choices["relaxation"]
     if factor is not None:
         required_number("--relaxation", factor)

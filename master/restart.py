@@ -111,7 +111,8 @@ class Asked:
         _require_same(path, about, scene=scene, backend=choices["backend"])
         texts = {name: str(value) for name, value in about["scene_settings"].items()}
         texts |= {name: assignment_text(value) for name, value in about["parameters"].items()}
-        kept = [f"{name} = {text}" for name, text in texts.items() if name not in (*self.assigned, "trim_angle")]
+        untold = (*self.assigned, "trim_angle", "start_azimuth")
+        kept = [f"{name} = {text}" for name, text in texts.items() if name not in untold]
         kept += [f"{name} = {value}" for name, value in same.items() if value != self.choices[name]]
         return choices, {**texts, **self.assigned}, kept
 
@@ -223,7 +224,7 @@ class StepCheckpointWriter:
 
 
 # What may change without ending the loop under way: it only says how long to continue and what to do afterwards.
-HARMLESS = ("max_iterations", "stability", "report")
+HARMLESS = ("max_iterations", "stability", "report", "labels")
 
 
 def _changed(

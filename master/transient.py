@@ -142,7 +142,7 @@ def _write(
     if job.choices["report"]:
         lacking = missing_libraries() if find_spec("matplotlib") is None else ""
         if not lacking:
-            written += write_plots(out, scene, run, blocks, recorder)
+            written += write_plots(out, scene, run, blocks, recorder, job.choices.get("labels"))
         else:
             lacking = NO_PLOTS
     notes = [f"note: {remark}" for remark in remarks]

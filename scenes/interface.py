@@ -13,11 +13,9 @@ class Interface(SurfaceMesh):
     """The surface mesh of a scene, hung on its structure: nodes = `weights` (n, m) @ the m structural nodes, exactly.
 
     Where its panels are strips of a wing, `sections` (s+1, k+1) are node indices section by section at the `fractions`
-    (k+1,) of the chord, `panels` (k s, 4) as `station_panels` has them, and `span` (s+1,) is the position of each
-    section on the design wing (arc length fraction of the leading edge).
+    (k+1,) of the chord, and `panels` (k s, 4) as `station_panels` has them.
     """
 
     weights: sp.csr_array
     sections: np.ndarray
     fractions: np.ndarray
-    span: np.ndarray

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from aero.model import AeroModel
 
     from .cores import Core
+    from .cores.heading import Heading
 
     Cores = dict[str, Core]
 
@@ -36,7 +37,8 @@ SAME = 1e-9  # m, by which turned shapes differ with the machine that turned the
 @dataclass(frozen=True, eq=False)
 class SectionPolars:
     """Polars `cl`, `cd`, `cm` (p,k) over `alpha` (k,) rad, and which of them each design section has, `polar`
-    (sections,), at `span` (sections,), the fraction of the arc length of the leading edge.
+    (sections,), at `span` (sections,) m along the line of their quarter-chord points; `strips` (n,) m is the place on
+    this line that is nearest to the quarter-chord point of each strip.
     """
 
     alpha: np.ndarray
@@ -45,6 +47,7 @@ class SectionPolars:
     cm: np.ndarray
     polar: np.ndarray
     span: np.ndarray
+    strips: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -190,6 +193,13 @@ class Scene:
         return {"structural": self.structural_core()} | ({"aero": self.aero_core()} if self.has_flow else {})
 
     @cached_property
+    def heading(self) -> "Heading":
+        """The axes of its kite, which turn with it about the upright axis."""
+        from .cores.heading import Heading
+
+        return Heading(self)
+
+    @cached_property
     def wing_model(self) -> "AeroModel | None":
         """The model of the flow around the wing, None where the scene has no wing in a flow."""
         if self.aero is None or self.wing is None:
@@ -229,9 +239,9 @@ class Scene:
 
         if self.polars is None:
             raise SceneError(f"scene '{self.name}' has no polars: its scene.toml has no [wing].")
-        p, span = self.polars, self.interface.span
+        p = self.polars
         tables = p.cl[p.polar], p.cd[p.polar], p.cm[p.polar]
-        return StripPolars.from_tables(p.alpha, *tables, p.span, 0.5 * (span[1:] + span[:-1]))
+        return StripPolars.from_tables(p.alpha, *tables, p.span, p.strips)
 
     def remarks(self, outputs: dict[str, np.ndarray]) -> list[str]:
         """What the models of the flow have to say of their outputs."""
@@ -250,7 +260,7 @@ class Scene:
             core.set(parameter, given[parameter])
         values = {block: core.get(block) for block in core.names}
         model = StructuralModel(self)
-        return prestrained(self.members.nodes, model.chains(values)), asymmetry(self.members, model.groups(values))
+        return prestrained(self.members.nodes, model.chains(values)), asymmetry(model.members, model.groups(values))
 
     def trim_angle(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.
@@ -265,8 +275,17 @@ class Scene:
         return trim_angle(self, dict(parameters or {}), cores or self.cores())
 
     def with_trim(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> dict[str, Any]:
-        """The parameters, and the trim angle that belongs to them where the scene has one and none is given."""
+        """The parameters, and where the scene is a kite that is free to turn, what makes it start in their wind: the
+        azimuth at which it looks into it and the trim angle, each where it is not given.
+        """
         given = dict(parameters or {})
-        if self.trim is not None and "trim_angle" not in given:
+        if self.trim is None or self.aero is None:
+            return given
+        if "start_azimuth" not in given:
+            from .cores.heading import start_azimuth
+
+            turned = start_azimuth(self, given.get("wind_direction", self.aero.wind_direction))
+            given |= {"start_azimuth": turned} if turned else {}
+        if "trim_angle" not in given:
             given["trim_angle"] = self.trim_angle(given, cores)
         return given

@@ -1,11 +1,12 @@
 """The vortex-step method as a model of the flow around an interface of strips."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from aero.model import AeroModel, Flow, Response, StripLayout
-from interface import MIRROR, StepFailed, Variable
+from interface import MIRROR, StepFailed, UprightPlane, Variable
 
 from .wing import VortexStep, WingSensitivity
 
@@ -13,13 +14,15 @@ from .wing import VortexStep, WingSensitivity
 POSITION_ASYMMETRY = 1e-9
 # Difference of mirrored velocities, m/s, likewise.
 VELOCITY_ASYMMETRY = 1e-6
+# Part of the wind across the plane of symmetry that is rounding of its direction.
+WIND_ASYMMETRY = 1e-12
 
 
 class VortexStepModel(AeroModel):
     """A `VortexStep` wing in a uniform wind; the state is the circulation (n,) m^2/s, a warm start.
 
-    One half is solved and mirrored where `symmetric` asks for it and flow, shape, motion and polars all are; here
-    `symmetric` is its start value.
+    One half is solved and mirrored where `symmetric` asks for it and flow, shape, motion and polars all are, in the
+    upright plane half way between the tips; here `symmetric` is its start value.
     """
 
     title = "the vortex-step method (a lifting line) with section polars"
@@ -41,19 +44,19 @@ class VortexStepModel(AeroModel):
         )
         output = partial(Variable, causality="output")
         of_panel = partial(output, counts="panel")
-        text = "net pressure on each interface panel"
-        yield of_panel("pressure", (panels,), unit="Pa", description=text)
+        yield of_panel("pressure", (panels,), unit="Pa", description=self._pressure())
         if self.wing.section_force != "normal":
-            yield of_panel("shear", (panels, 3), unit="Pa", description="traction on each interface panel")
+            text = "traction on each interface panel: all of its load that is not in pressure"
+            yield of_panel("shear", (panels, 3), unit="Pa", description=text)
         of_strip = partial(output, shape=(strips,), counts="strip")
-        text = "angle of the mid-span chord to the free stream"
+        text = "angle of the mid-span chord to the free stream, in the plane of the wind across the span there"
         yield output("alpha_mid", unit="rad", description=text)
         yield of_strip("alpha", unit="rad", description="effective angle of attack of each strip")
         if self.wing.camber:
             text = "angle by which billowing lifts the polar of each strip (thin-airfoil theory)"
             yield of_strip("camber_shift", unit="rad", description=text)
         yield of_strip("circulation", unit="m2/s", description="circulation of each strip")
-        yield output("span", unit="m", description="largest extent of the displaced wing across the wind plane (y)")
+        yield output("span", unit="m", description="largest extent of the displaced wing along the span at its middle")
         yield output("tip_span", unit="m", description="distance between the tips' quarter-chord points")
         count = partial(output, kind="integer")
         text = "strips whose angle of attack lies beyond the polar table, where its end value is held"
@@ -66,15 +69,22 @@ class VortexStepModel(AeroModel):
         yield count("newton_iterations", description="Newton iterations of the step")
         yield switch("symmetry_used", causality="output", description="whether the last solve was of one half")
 
+    def _pressure(self):
+        """What pressure is, in words."""
+        if self.wing.section_force == "normal":
+            return "net pressure on each interface panel"
+        if self.wing.follow:
+            return "normal part of the load on each interface panel"
+        return "pitching couples of the strips as pressure on each interface panel; lift and drag are in shear"
+
     def solve(self, flow: Flow, values, state=None):
         """See AeroModel."""
-        symmetric = bool(values["symmetric"]) and flow.direction[1] == 0.0 and self._mirrored_polars
-        symmetric = symmetric and self._mirrored(flow.nodes, POSITION_ASYMMETRY)
-        symmetric = symmetric and (flow.velocity is None or self._mirrored(flow.velocity, VELOCITY_ASYMMETRY))
+        plane = self._plane(flow) if bool(values["symmetric"]) and self._mirrored_polars else None
+        seen = flow if plane is None else _inward(flow, plane)
         wing = self.wing.in_air(flow.density)
         with np.errstate(all="ignore"):
             try:
-                loads = wing.loads(flow.nodes, flow.wind, state, symmetric, flow.velocity)
+                loads = wing.loads(seen.nodes, seen.wind, state, plane is not None, seen.velocity)
             except np.linalg.LinAlgError:
                 loads = None
         if loads is None or not np.all(np.isfinite(loads.force)):
@@ -86,11 +96,26 @@ class VortexStepModel(AeroModel):
                 f"{found.residual:.2g} of U c / 2."
             )
         with np.errstate(all="ignore"):
-            outputs = self._outputs(flow, loads) | {"symmetry_used": float(symmetric)}
-            return Response(outputs, loads.total_force(), loads.total_moment(flow.about), found.gamma, bool(symmetric))
+            outputs = self._outputs(seen, loads) | {"symmetry_used": float(plane is not None)}
+            total = loads.total_force(), loads.total_moment(seen.about)
+            if plane is not None:
+                total = tuple(plane.outward(v) for v in total)
+                outputs |= {"shear": plane.outward(outputs["shear"])} if "shear" in outputs else {}
+            return Response(outputs, *total, found.gamma, plane is not None)
+
+    def _plane(self, flow):
+        """The `UprightPlane` that mirrors shape, motion and wind, None where there is none."""
+        sections = self.wing.grid.sections
+        plane = UprightPlane.between(flow.nodes[sections[0]], flow.nodes[sections[-1]])
+        if plane is None or abs(plane.inward(flow.direction)[1]) > WIND_ASYMMETRY:
+            return None
+        moving = flow.velocity is not None
+        mirrored = self._mirrored(plane.inward(flow.nodes, point=True), POSITION_ASYMMETRY)
+        mirrored = mirrored and (not moving or self._mirrored(plane.inward(flow.velocity), VELOCITY_ASYMMETRY))
+        return plane if mirrored else None
 
     def _mirrored(self, vectors, tolerance):
-        """Whether vectors (n,3) at the interface nodes are mirror-symmetric over the sections."""
+        """Whether vectors (n,3) at the interface nodes are mirror-symmetric over the sections, in y = 0."""
         grid = vectors[self.wing.grid.sections]
         return np.abs(grid[::-1] * MIRROR - grid).max() <= tolerance
 
@@ -106,7 +131,7 @@ class VortexStepModel(AeroModel):
         at = found.alpha + shift
         return out | {
             "circulation": found.gamma,
-            "span": np.ptp(sections[..., 1]),
+            "span": np.ptp(sections @ mid_span_axis(sections)),
             "tip_span": np.linalg.norm(bound[-1] - bound[0]),
             "strips_beyond_polar": np.count_nonzero(found.outside),
             "stalled_strips": np.count_nonzero((at < low) | (at > high)),
@@ -123,13 +148,20 @@ class VortexStepModel(AeroModel):
         """See AeroModel. Exact to rounding: the circulation follows by the implicit function theorem, all else by
         complex steps (`WingSensitivity`); artificial viscosity counts where the loads contain it.
         """
-        wing, symmetric = self.wing.in_air(flow.density), bool(values["symmetry_used"])
-        viscosity = float(values["stall_viscosity"])
+        plane = self._plane(flow) if bool(values["symmetry_used"]) else None
+        seen = flow if plane is None else _inward(flow, plane)
+        wing, viscosity = self.wing.in_air(flow.density), float(values["stall_viscosity"])
         try:
-            along = WingSensitivity(wing, flow.nodes, flow.wind, state, viscosity, symmetric)
+            along = WingSensitivity(wing, seen.nodes, seen.wind, state, viscosity, plane is not None)
         except np.linalg.LinAlgError:
             raise ValueError("the circulation is at a fold of its solutions, where it has no derivative.") from None
-        return lambda change: {k: v for k, v in zip(("pressure", "shear"), along(change), strict=True) if v is not None}
+
+        def derivative(change):
+            pressure, shear = along(change if plane is None else plane.inward(change))
+            shear = shear if shear is None or plane is None else plane.outward(shear)
+            return {k: v for k, v in (("pressure", pressure), ("shear", shear)) if v is not None}
+
+        return derivative
 
     def remarks(self, outputs):
         """See AeroModel."""
@@ -158,10 +190,32 @@ class VortexStepModel(AeroModel):
         return [("strip", columns, [[i + k * strips for k in range(rows)] for i in range(1, strips + 1)])]
 
 
+def _inward(flow, plane):
+    """The flow in axes where the `plane` of symmetry is y = 0."""
+    direction = plane.inward(flow.direction) * np.array([1.0, 0.0, 1.0])  # what is across the plane is rounding
+    return replace(
+        flow,
+        nodes=plane.inward(flow.nodes, point=True),
+        direction=direction,
+        about=plane.inward(flow.about, point=True),
+        velocity=None if flow.velocity is None else plane.inward(flow.velocity),
+    )
+
+
+def mid_span_axis(sections):
+    """Unit vector (3,) along the span at the middle of the wing, from the stations (n+1,k+1,3) m of its sections."""
+    left = (len(sections) - 2) // 2
+    across = (sections[len(sections) - 1 - left] - sections[left]).mean(axis=0)
+    return across / np.linalg.norm(across)
+
+
 def mid_span_angle(sections, direction):
-    """Angle rad of the chord at the middle of the span (mean of the middle `sections`, (n+1,k+1,3) m) to the wind."""
-    n = len(sections)
+    """Angle rad of the chord at the middle of the span (mean of the middle `sections`, (n+1,k+1,3) m) to the part of
+    the wind (its `direction`, (3,)) that is across the span there.
+    """
+    n, span = len(sections), mid_span_axis(sections)
     middle = 0.5 * (sections[(n - 1) // 2] + sections[n // 2])
     chord = middle[-1] - middle[0]
-    up = np.cross(direction, [0.0, 1.0, 0.0])
-    return np.arctan2(-chord @ up, chord @ direction)
+    along = direction - (direction @ span) * span
+    up = np.cross(along, span)
+    return np.arctan2(-chord @ up, chord @ along)

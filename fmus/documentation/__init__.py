@@ -173,7 +173,8 @@ def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
     if "trim_angle" in blocks and scene.pivot is not None:
         place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())
         pivot = html.escape(scene.members.labels[scene.pivot])
-        text += texts.TRIM.format(value=instance.start("trim_angle")[0], pivot=pivot, place=place)
+        value, azimuth = (instance.start(angle)[0] for angle in ("trim_angle", "start_azimuth"))
+        text += texts.TRIM.format(value=value, azimuth=azimuth, pivot=pivot, place=place)
     if scene.start is not None:
         text += texts.START
     counted = texts.COUNTED if fmi == 2 else texts.COUNTED_IN_ARRAYS

@@ -179,8 +179,10 @@ equilibrium under gravity, the point loads among the parameters, and what was se
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
 pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the
 angle at which wind and weight leave no pitching moment in the wind given there. In another wind, or far from that
-angle, the first steps are further from equilibrium and may fail, or lead to another one. Give both FMUs the same
-value before they are initialized.</p>
+angle, the first steps are further from equilibrium and may fail, or lead to another one. <code>start_azimuth</code>
+turns that shape about the upright axis through the pivot, by {azimuth:.6g} rad where nothing else is set, so that it
+looks into the wind given to <code>kitecosim build</code>; the plane of symmetry turns with it. Give both FMUs the same
+values before they are initialized.</p>
 """
 START = """<p>Both FMUs start in the equilibrium of structure and flow for the parameters given to
 <code>kitecosim build</code>, at rest: a host that steps them once a step from there sees no motion until something
@@ -188,12 +190,13 @@ changes. With another wind, other tapes or masses before the first step the star
 kite swings; with another <code>trim_angle</code> it is the design shape, turned by that.</p>
 """
 SIGNS = """<h2>Indices and signs</h2>
-<p>Global frame: x downwind, y towards the right wing, z up. Coordinates are in m and those of the design shape, from
-where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its normal is along its area
-vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code> pushes along the normal,
-to the suction side: its force is pressure · a. {shear}A corner
+<p>Global frame: z up; in the design shape x goes downwind and y towards the right wing. Coordinates are in m and those
+of the design shape, from where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its
+normal is along its area vector a = (c3 − c1) × (c4 − c2) / 2 in the displaced shape. A positive <code>pressure</code>
+pushes along the normal, to the suction side: its force is pressure · a. {shear}A corner
 that is listed twice makes a triangle. All indices count from 1{counted}.</p>
 """
 COUNTED = ", as in the names of the scalars"
 COUNTED_IN_ARRAYS = "; the first entry of an array in memory has index 1 here"
-SHEAR = "That of <code>shear</code> is shear · |a|, along the global axes. "
+SHEAR = """That of <code>shear</code> is shear · |a|, along the global axes. The load on a panel is the sum of both:
+<code>pressure</code> alone is what turns with the panel, not the pressure difference across it. """

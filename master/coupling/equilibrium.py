@@ -54,6 +54,7 @@ class Coupling(Exchange):
         connections = [Connection("aero", block, "structural", block) for block in wanted]
         connections.append(Connection("structural", "displacement", "aero", "displacement"))
         super().__init__({"aero": aero, "structural": structural}, connections, dt, time)
+        self.start = structural.get("displacement")  # (n,3) m, of the shape that its parameters let it start in
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Displacement (n,3) m of the structure under the loads on the wing displaced by x (n,3) m."""

@@ -11,6 +11,13 @@ from master.coupling.acceleration import Scheme
 from master.coupling.equilibrium import CoupledResult, Coupling, solve
 from master.coupling.stability import Stability, static_stability
 
+# A wing whose tips are closer together than this part of their distance at the start has folded: loads draw those of
+# the V3 kite together to 0.90 of it at 20 m/s, folded ones are at 0.72 and less (docs/verification.md).
+FOLDED = 0.85
+# Change of C_L from the start, as a factor either way, that a kite which turns and deforms does not make: 0.5 to 1.6
+# are found on the intended branch.
+LIFT_JUMP = 3.0
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -60,6 +67,7 @@ def coupled_run(
         causality[label] = dict(participant.causality)
     told = "recovered" if result.status == "converged" else "tried to recover"
     remarks = _remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
+    remarks += _branch_remarks(result.history)
     remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
     return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
 
@@ -71,6 +79,20 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
         if wanted is not None and used is not None and bool(wanted) and not bool(used):
             remarks.append(f"symmetry was asked for but turned off in the {label} solver: its input is not symmetric")
     return remarks
+
+
+def _branch_remarks(history: list[dict[str, float]]) -> list[str]:
+    """Whether the end is far from the start, another equilibrium than the one meant, by the first and the last row."""
+    first, last = (history[k] if history else {} for k in (0, -1))
+    tips, lift = (tuple(row.get(f"aero.{name}", np.nan) for row in (first, last)) for name in ("tip_span", "CL"))
+    found = []
+    if tips[1] < FOLDED * tips[0]:
+        found.append(f"the tips are {tips[1]:.3g} m apart, {tips[0]:.3g} m at the start: a wing that has folded")
+    if lift[0] > 0.0 and not lift[0] / LIFT_JUMP <= lift[1] <= lift[0] * LIFT_JUMP:
+        found.append(
+            f"C_L is {lift[1]:.3g}, {lift[0]:.3g} at the start: perhaps another equilibrium than the one meant"
+        )
+    return found
 
 
 def _stability_remarks(judged: Stability | None) -> list[str]:

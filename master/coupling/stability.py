@@ -35,15 +35,14 @@ def static_stability(coupling: Coupling, x: np.ndarray) -> Stability:
 
     The coupled tangent is K - F' = K (I - G'). Where the structural tangent K is positive, it has a negative eigenvalue
     where G' has a real one above 1, and is singular (neutral) where one equals 1. Both participants return to their
-    states. While both solve mirrored halves, the search stays within symmetric motions: it starts from x itself, entry
-    by entry its square root, which keeps the symmetry and has a part in every mode. (What a solve has moved would not
-    do: from a warm start that is rounding, which is lopsided.)
+    states. While both solve mirrored halves, the search stays within symmetric motions: it starts from the way that the
+    nodes have come from where the kite starts, each shortened to its square root, which keeps the symmetry in whatever
+    plane and has a part in every mode. (What a solve has moved would not do: from a warm start that is rounding, which
+    is lopsided.)
     """
     participants = (coupling.structural, coupling.aero)
     symmetric = all("symmetry_used" in p.blocks and bool(p.get("symmetry_used")) for p in participants)
-    seed = None
-    if symmetric and np.any(x):
-        seed = np.where(np.abs(x) > ROUNDING * np.abs(x).max(), np.sign(x) * np.sqrt(np.abs(x)), 0.0)
+    seed = _symmetric_seed(x, coupling.start) if symmetric else None
     evaluations = coupling.evaluations
     states: dict[str, Any] = {}
     try:
@@ -61,6 +60,15 @@ def static_stability(coupling: Coupling, x: np.ndarray) -> Stability:
     if "unstable_modes" in coupling.structural.blocks:
         unstable_modes = int(coupling.structural.get("unstable_modes"))
     return _judged(found, unstable_modes, symmetric)
+
+
+def _symmetric_seed(x: np.ndarray, start: np.ndarray) -> np.ndarray | None:
+    """A direction (n,3) as symmetric as the displacements x and `start` (n,3) m are; None where they are the same."""
+    moved = x - start
+    way = np.linalg.norm(moved, axis=-1, keepdims=True)
+    if not way.max() > ROUNDING * max(np.abs(x).max(), np.abs(start).max()):
+        return None
+    return np.where(way > ROUNDING * way.max(), moved / np.sqrt(np.where(way > 0.0, way, 1.0)), 0.0)
 
 
 def _judged(found: Eigenvalue, unstable_modes: int, symmetric: bool) -> Stability:

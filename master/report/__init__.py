@@ -13,12 +13,14 @@ import numpy as np
 from master.report.console import print_table, print_written
 from master.report.state import final_state, status_text
 from master.report.tables import result_rows, summary, versions, write_history, write_json, write_state, write_whole
+from master.report.views import wind_of
 from master.report.wing import wing_results
 
 if TYPE_CHECKING:
     from master.coupling.run import Run
 
 __all__ = [
+    "LABELS",
     "RESULTS",
     "final_state",
     "missing_libraries",
@@ -35,6 +37,7 @@ __all__ = [
     "write_whole",
 ]
 
+LABELS = ("nodes", "lines", "both")  # what may be named in a plot
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
 TABLES = (
     *("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv"),
@@ -46,6 +49,7 @@ ANGLE = (
 )
 CAPTIONS = {
     "shape": "Flown shape with line tensions, three views to one scale",
+    "labels": "Names of nodes and lines of the bridle as flown, on a large page: open labels.svg to read them",
     "billowing": "Billowing of the canopy: sections between the struts and, thin and grey, at the struts, each along "
     "its own chord, and camber, the largest distance of a section from its chord, along the span",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
@@ -77,9 +81,9 @@ def write_report(
 ) -> list[str]:
     """Write plots (PNG, SVG), VTK files and report.html of a `run` (see `coupled_run`) of `scene`; their names.
 
-    `content` is `summary(run, settings)`, with "versions" if the page shall name them. What the scene lacks is left
-    out. `cores` of the scene save making some. ModuleNotFoundError with the sentence of `missing_libraries` where they
-    are not installed.
+    `content` is `summary(run, settings)`, with "versions" if the page shall name them; its setting "labels" says what
+    has names in a plot of its own (None: no such plot). What the scene lacks is left out. `cores` of the scene save
+    making some. ModuleNotFoundError with the sentence of `missing_libraries` where they are not installed.
     """
     sentence = missing_libraries()
     if sentence:
@@ -92,14 +96,18 @@ def write_report(
     state = final_state(scene, run)
     status, settings = status_text(run.status), content.get("settings", {})
     aero = run.blocks["aero"]
-    title, wind = scene.title, None
-    if {"wind_speed", "wind_direction"} <= aero.keys():
-        wind = float(aero["wind_speed"]) * aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
+    title, wind = scene.title, wind_of(aero)
+    if wind is not None:
         title += f", wind {float(aero['wind_speed']):g} m/s"
     elif not scene.has_flow:
         title += ", in still air"
     gravity = np.array([0.0, 0.0, -float(run.blocks["structural"].get("gravity", 0.0))])
     drawn = {"shape": shape.shape_figure(state, title, status, wind, gravity)}
+    if settings.get("labels") is not None:
+        from master.report.labels import labels_figure
+
+        named = labels_figure(state, f"{title}, {status}", settings["labels"], wind is not None)
+        drawn |= {} if named is None else {"labels": named}
     sections = wing_sections(scene.members.wing, None if state.frame is None else state.frame.position)
     if sections is not None:
         drawn["billowing"] = billowing.billowing_figure(sections, f"{title}, {status}")

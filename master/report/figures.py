@@ -68,14 +68,14 @@ def rendered(figure: "Figure") -> dict[str, bytes]:
     return out
 
 
-def new_figure(height: float, title: str) -> "Figure":
-    """An empty figure of WIDTH x `height` in with a title, drawn without a display."""
+def new_figure(height: float, title: str, width: float = WIDTH) -> "Figure":
+    """An empty figure of `width` x `height` in with a title, drawn without a display."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height))
+    figure = Figure(figsize=(width, height))
     FigureCanvasAgg(figure)
-    figure.text(0.12 / WIDTH, 1.0 - 0.1 / height, title, va="top", fontsize=9.0)
+    figure.text(0.12 / width, 1.0 - 0.1 / height, title, va="top", fontsize=9.0)
     return figure
 
 

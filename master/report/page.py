@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.panels import FIELDS, PanelLoads
 from master.report.state import FinalState, Frame, status_text
 from master.report.tables import result_rows
 from master.report.wing import TubeState
@@ -24,6 +25,7 @@ OPTIONS = {
     "max_iterations": ("1", "maximum number of coupling iterations"),
     "stability": ("", "whether the static stability of the equilibrium is judged"),
     "report": ("", "whether plots, VTK files and this page are written"),
+    "labels": ("", "what is named in a plot of its own: nodes, lines or both (none: no such plot)"),
 }
 HISTORY = {
     "residual_m": "interface residual, m",
@@ -59,6 +61,7 @@ def page(
         _outputs(content, variables),
         *_structure(state.frame),
         _strips(state),
+        *([_panels(state.surface.loads)] if scene.has_flow and len(state.surface.panels) else []),
         _history(run),
         _settings(scene, content),
         _parameters(run, content, variables),
@@ -243,6 +246,17 @@ def _strips(state: FinalState) -> Table:
             columns |= dict(zip(("cl", "cd", "cm"), s.coefficients, strict=True))
     columns = {name: _rounded(values, values) for name, values in columns.items() if values is not None}
     return _table("Strips (left tip first)", columns, zip(*columns.values(), strict=True))
+
+
+def _panels(loads: PanelLoads) -> Table:
+    """Range and meaning of every field of the panels, of vectors that of their size; their sum."""
+    rows = []
+    for name, values in loads.fields().items():
+        _, unit, meaning = FIELDS[name]
+        sizes = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+        rows.append([name, sizes.min(), sizes.max(), unit, meaning + ("" if values.ndim == 1 else "; its size")])
+    rows += [["sum of load times area", "", cell(loads.force.sum(axis=0))[0], "N", "force on the wing"]]
+    return _table("Loads on the panels (wing.vtu, panels.csv)", ["field", "least", "most", "unit", "meaning"], rows)
 
 
 def _history(run: "Run") -> Table:

@@ -1,11 +1,13 @@
 """The plot of the flown shape: three views to one scale, line tensions in colour."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from master.report.figures import MIDDLE, WIDTH, axes_at, new_figure, style, wrapped
 from master.report.state import FinalState, Frame
+from master.report.views import FROM_ABOVE, FROM_LEFT, FROM_UPWIND, View, axis_labels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,11 +25,6 @@ LOOSE = "#d95f02"
 TUBE, COLLAPSED = "0.58", "#d01c8b"
 THICK: dict[str, Any] = {"lw": 4.0, "solid_capstyle": "butt"}
 DASHES = {"slack": (0.0, (4.0, 2.5)), "loose": (0.0, (7.0, 1.5, 1.5, 1.5))}
-# View: horizontal and vertical axis, and whether the horizontal one runs to the left: what stands upwind and looks
-# downwind has the right wing (y > 0) on its left, and the top view keeps that.
-FRONT, SIDE, ABOVE = (1, 2, True), (0, 2, False), (1, 0, True)
-TITLES = {FRONT: "front view, from upwind", SIDE: "side view, from the left", ABOVE: "top view, from above"}
-STILL = {FRONT: "front view, along x", SIDE: "side view, from the left", ABOVE: "plan view, against z"}
 
 
 def shape_figure(
@@ -41,8 +38,10 @@ def shape_figure(
 
     `wind` (3,) m/s is drawn as an arrow, or without a wind `gravity` (3,) m/s2, which may act upwards; a `status` other
     than converged is shown in red. The undeformed shape is the design shape, turned as a rigid body to the attitude of
-    the wing where the scene can pitch, so that what differs is deformation.
+    the wing where the scene can pitch, so that what differs is deformation. The views are those of the wind.
     """
+    state, names = seen(state), axis_labels(state.axes)
+    wind = None if wind is None else state.axes @ wind
     frame = state.frame
     points = state.surface.position
     if frame is not None:
@@ -67,18 +66,20 @@ def shape_figure(
         look: dict[str, Any] = {} if good else {"color": SLACK, "fontweight": "bold"}
         figure.text(0.12 / WIDTH, 1.0 - 0.28 / height, status if good else status.upper(), va="top", **look)
         views = {
-            FRONT: axes_at(figure, LEFT, height - TOP - front[1], *front),
-            SIDE: axes_at(figure, LEFT + front[0] + GAP, height - TOP - side[1], *side),
-            ABOVE: axes_at(figure, LEFT, BOTTOM, *above),
+            FROM_UPWIND: axes_at(figure, LEFT, height - TOP - front[1], *front),
+            FROM_LEFT: axes_at(figure, LEFT + front[0] + GAP, height - TOP - side[1], *side),
+            FROM_ABOVE: axes_at(figure, LEFT, BOTTOM, *above),
         }
         colours = None if frame is None else _colours(frame)
         for view, axes in views.items():
-            _frame_axes(axes, view, middle, scale, TITLES if wind is not None else STILL)
+            _frame_axes(axes, view, middle, scale)
+            axes.set_title(view.title if wind is not None else view.still, loc="left", pad=3.0)
+            _name_axes(axes, view, names)
             _draw(axes, state, view, colours, scale)
         if wind is not None and np.any(wind):
-            _arrow(views[SIDE], SIDE, points, wind, f"wind {np.linalg.norm(wind):.4g} m/s")
+            _arrow(views[FROM_LEFT], FROM_LEFT, points, wind, f"wind {np.linalg.norm(wind):.4g} m/s")
         elif wind is None and gravity is not None and np.any(gravity):
-            _arrow(views[SIDE], SIDE, points, gravity, f"gravity {np.linalg.norm(gravity):.4g} m/s\u00b2")
+            _arrow(views[FROM_LEFT], FROM_LEFT, points, gravity, f"gravity {np.linalg.norm(gravity):.4g} m/s\u00b2")
         key = axes_at(figure, LEFT + front[0] + GAP, BOTTOM, side[0], above[1] - 0.05)
         key.set_axis_off()
         key.legend(handles, labels, loc="upper left", borderaxespad=0.0, handlelength=2.2, labelspacing=0.35)
@@ -89,26 +90,42 @@ def shape_figure(
     return figure
 
 
-def _frame_axes(axes: "Axes", view: tuple[int, int, bool], middle: np.ndarray, scale: float, titles: Any) -> None:
-    """Limits that give all views one scale (in per m), ticks at one spacing, titles and labels."""
+def seen(state: FinalState) -> FinalState:
+    """The state with all points in the axes of its wind, as views show them."""
+    if np.array_equal(state.axes, np.eye(3)):
+        return state
+    surface, frame = state.surface, state.frame
+    own = {name: getattr(surface, name) @ state.axes.T for name in ("reference", "position")}
+    surface = replace(surface, **own)
+    if frame is not None:
+        points = {name: getattr(frame, name) @ state.axes.T for name in ("reference", "undeformed", "position")}
+        frame = replace(frame, **points)
+    return replace(state, surface=surface, frame=frame)
+
+
+def _frame_axes(axes: "Axes", view: View, middle: np.ndarray, scale: float) -> None:
+    """Limits that give all views one scale (in per m), ticks at one spacing."""
     from matplotlib.ticker import MultipleLocator
 
-    h, v, leftward = view
+    h, v = view.at
     size = np.array([axes.bbox.width, axes.bbox.height]) / axes.figure.dpi / scale
     ends = middle[h] + 0.5 * size[0] * np.array([-1.0, 1.0])
-    axes.set_xlim(*(ends[::-1] if leftward else ends))
+    axes.set_xlim(*(ends[::-1] if view.leftward else ends))
     axes.set_ylim(middle[v] - 0.5 * size[1], middle[v] + 0.5 * size[1])
     axes.set_aspect("equal")
-    axes.set_title(titles[view], loc="left", pad=3.0)
     least = 0.42 / scale  # m between ticks
     decade = 10.0 ** np.floor(np.log10(least))
     step = next(m * decade for m in (1.0, 2.0, 5.0, 10.0) if m * decade >= least)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(step))
     axes.grid(True)
-    axes.set_xlabel(f"{'xyz'[h]}, m", labelpad=1.0)
-    axes.set_ylabel(f"{'xyz'[v]}, m", labelpad=1.0)
-    if view == SIDE:
+
+
+def _name_axes(axes: "Axes", view: View, names: tuple[str, str, str]) -> None:
+    """Labels of the axes; the side view has its heights from the front view, which stands beside it."""
+    axes.set_xlabel(names[view.h], labelpad=1.0)
+    axes.set_ylabel(names[view.v], labelpad=1.0)
+    if view == FROM_LEFT:
         axes.tick_params(labelleft=False)
         axes.set_ylabel("")
 
@@ -126,11 +143,11 @@ def _colours(frame: Frame) -> Any:
     return ScalarMappable(Normalize(0.0, float(frame.tension[taut].max())), cut)
 
 
-def _draw(axes: "Axes", state: FinalState, view: tuple[int, int, bool], colours: Any, scale: float) -> None:
+def _draw(axes: "Axes", state: FinalState, view: View, colours: Any, scale: float) -> None:
     """Surface and structure in a view of `scale` in per m."""
     from matplotlib.collections import LineCollection, PolyCollection
 
-    at = list(view[:2])
+    at = view.at
     surface, frame = state.surface, state.frame
     corners = surface.position[surface.panels][..., at]
     wing = PolyCollection(list(corners), fc=(*BLUE, 0.45), ec=(*BLUE, 1.0), lw=0.5, zorder=1)
@@ -207,9 +224,9 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
         return [handle for handle, _ in entries], [wrapped(text, LEGEND) for _, text in entries]
 
 
-def _arrow(axes: "Axes", view: tuple[int, int, bool], points: np.ndarray, vector: np.ndarray, text: str) -> None:
+def _arrow(axes: "Axes", view: View, points: np.ndarray, vector: np.ndarray, text: str) -> None:
     """An arrow along a vector, with a text, in the corner of the view that holds the fewest points."""
-    at = list(view[:2])
+    at = view.at
     limits = np.array([axes.get_xlim(), axes.get_ylim()])
     places = (points[:, at] - limits[:, 0]) / (limits[:, 1] - limits[:, 0])
     corners = [(x, y) for y in (0.12, 0.88) for x in (0.75, 0.25)]

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interface import area_vectors
-from interface.vectors import rotated
+from master.report.panels import PanelLoads, panel_loads
+from master.report.views import wind_axes
 from master.report.wing import TubeState, canopy_springs, tube_state
 
 if TYPE_CHECKING:
@@ -77,26 +77,17 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The interface mesh: `reference` and `position` (n,3) m, `panels` (m,4), `pressure` (m,) Pa, and where the scene
-    has them `shear` (m,3) Pa and `lines` (k,2) with `diameter` (k,) m and `line_load` (k,3) N/m.
+    """The interface mesh: `reference` and `position` (n,3) m, `panels` (m,4) with their `loads`, and where the scene
+    has them `lines` (k,2) with `diameter` (k,) m and `line_load` (k,3) N/m.
     """
 
     reference: np.ndarray
     position: np.ndarray
     panels: np.ndarray
-    pressure: np.ndarray
-    shear: np.ndarray | None
+    loads: PanelLoads
     lines: np.ndarray
     diameter: np.ndarray
     line_load: np.ndarray | None
-
-    @property
-    def panel_forces(self) -> np.ndarray:
-        """p a + s |a| with the current area vectors a = d1 x d2 / 2, (m,3) N."""
-        corners = self.position[self.panels]
-        area = area_vectors(corners)
-        force = self.pressure[:, None] * area
-        return force if self.shear is None else force + self.shear * np.linalg.norm(area, axis=1)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +114,9 @@ class Strips:
 
 @dataclass(frozen=True, eq=False)
 class FinalState:
-    """What a run shows; parts that its participants do not give are None. `turn` is the rigid nose-up rotation (deg)
-    about the node `pivot` that fits the design shape to the wing, None for a scene that cannot pitch.
+    """What a run shows; parts that its participants do not give are None. `axes` (3,3) are those of its wind (see
+    `wind_axes`). `turn` is the rigid nose-up rotation (deg) about the node `pivot` that fits the design shape, faced to
+    the wind, to the wing, None for a scene that cannot pitch.
     """
 
     surface: Surface
@@ -132,6 +124,7 @@ class FinalState:
     strips: Strips | None
     turn: float | None
     pivot: str | None
+    axes: np.ndarray
 
 
 def status_text(status: str) -> str:
@@ -144,35 +137,38 @@ def status_text(status: str) -> str:
 def final_state(scene: Any, run: "Run") -> FinalState:
     """The final state of a `run` of `scene`, see the classes above."""
     aero, structural = run.blocks["aero"], run.blocks["structural"]
-    mesh = scene.interface
+    mesh, axes = scene.interface, wind_axes(run.blocks["aero"].get("wind_direction"))
+    loaded = aero["displacement"] if scene.has_flow else structural["displacement"]  # the shape that the loads are for
     surface = Surface(
         mesh.nodes,
         mesh.nodes + structural["displacement"],
         np.asarray(mesh.panels),
-        aero["pressure"],
-        aero.get("shear"),
+        panel_loads(mesh.nodes + loaded, mesh.panels, aero),
         mesh.lines,
         mesh.diameter,
         aero.get("line_load"),
     )
     turn = pivot = None
     if scene.pivot is not None:
-        wing = np.unique(mesh.panels)
-        about = scene.members.nodes[scene.pivot]
-        x, q = mesh.nodes[wing] - about, (mesh.nodes + structural["displacement"])[wing] - about
+        wing, heading = np.unique(mesh.panels), scene.heading
+        x = heading.started(mesh.nodes[wing], {}) - heading.about
+        q = (mesh.nodes + structural["displacement"])[wing] - heading.about
+        x, q = (heading.inward(v, values) for v, values in ((x, {}), (q, structural)))
         turn = float(np.arctan2(np.sum(x[:, 2] * q[:, 0] - x[:, 0] * q[:, 2]), np.sum(x[:, [0, 2]] * q[:, [0, 2]])))
         pivot = scene.members.labels[scene.pivot]
-    frame = _frame(scene, structural, turn) if {"position", "tension", "rest_length"} <= structural.keys() else None
-    return FinalState(surface, frame, _strips(scene, aero, surface), None if turn is None else np.rad2deg(turn), pivot)
+    known = {"position", "tension", "rest_length"} <= structural.keys()
+    frame = _frame(scene, structural, turn, axes) if known else None
+    strips, degrees = _strips(scene, aero, surface, axes), None if turn is None else np.rad2deg(turn)
+    return FinalState(surface, frame, strips, degrees, pivot, axes)
 
 
-def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Frame | None:
+def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None, axes: np.ndarray) -> Frame | None:
     members, position = scene.members, blocks["position"]
     if not np.all(np.isfinite(position)):
         return None
     undeformed = members.nodes
     if turn is not None:
-        undeformed = rotated(members.nodes, turn, members.nodes[scene.pivot])
+        undeformed = scene.heading.started(members.nodes, {**blocks, "trim_angle": turn})
     chains = [nodes for group in members.chains for nodes in group.nodes]
     legs = [np.linalg.norm(np.diff(position[group.nodes], axis=1), axis=2) for group in members.chains]
     length = np.concatenate([leg.sum(axis=1) for leg in legs])
@@ -185,7 +181,7 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None) -> Fra
     )  # fmt: skip
 
 
-def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips | None:
+def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface, axes: np.ndarray) -> Strips | None:
     """The strips of a lifting line: panels i, i + strips, ... belong to strip i."""
     layout = None if scene.wing_model is None else scene.wing_model.strips
     if layout is None or not np.all(np.isfinite(surface.position)):
@@ -196,9 +192,9 @@ def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface) -> Strips
     width = np.linalg.norm(np.diff(quarter, axis=0), axis=1)
     arc = np.cumsum(width) - 0.5 * width - 0.5 * width.sum()
     along = aero["wind_direction"] / np.linalg.norm(aero["wind_direction"])
-    up = np.cross(along, [0.0, 1.0, 0.0])
+    up = np.cross(along, axes[1])
     up /= np.linalg.norm(up)
-    panel = surface.panel_forces.reshape(-1, n, 3).sum(axis=0)
+    panel = surface.loads.force.reshape(-1, n, 3).sum(axis=0)
     lift, side, drag = (panel / width[:, None] @ np.array([up, np.cross(up, along), along]).T).T
     coefficients = angles = curves = None
     if layout.polars is not None:

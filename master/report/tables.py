@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.panels import panel_loads
 from master.report.sections import COLUMNS, wing_sections
 from master.report.state import loose_lines
 from master.report.wing import wing_rows
@@ -78,14 +79,10 @@ def write_state(
         [i + 1, *map(repr, map(float, (*p, *d)))] for i, (p, d) in enumerate(zip(interface.nodes + x, x, strict=True))
     ]
     write_csv(folder / "interface.csv", ["node", "x_m", "y_m", "z_m", "dx_m", "dy_m", "dz_m"], rows)
-    pressure, shear = blocks["pressure"], blocks.get("shear")
-    header = ["panel", "node_1", "node_2", "node_3", "node_4", "pressure_Pa"]
-    header += [] if shear is None else ["shear_x_Pa", "shear_y_Pa", "shear_z_Pa"]
-    rows = [
-        [i + 1, *(panels[i] + 1), repr(float(p)), *([] if shear is None else map(repr, map(float, shear[i])))]
-        for i, p in enumerate(pressure)
-    ]
-    write_csv(folder / "panels.csv", header, rows)
+    columns = panel_loads(interface.nodes + x, panels, blocks).columns()
+    cells = zip(*columns.values(), strict=True)
+    rows = [[i + 1, *(panels[i] + 1), *map(repr, map(float, v))] for i, v in enumerate(cells)]
+    write_csv(folder / "panels.csv", ["panel", "node_1", "node_2", "node_3", "node_4", *columns], rows)
     if "line_load" in blocks:
         lines = zip(names["line_load"], interface.lines + 1, interface.diameter, blocks["line_load"], strict=True)
         rows = [[i + 1, n, *ends, *map(repr, map(float, (d, *q)))] for i, (n, ends, d, q) in enumerate(lines)]

@@ -13,10 +13,13 @@ from master.coupling.simulation import Simulation
 from master.report import RESULTS as STATIC_RESULTS
 from master.report.record import Curve, Rows
 from master.report.tables import write_whole
+from master.report.views import FROM_LEFT, FROM_UPWIND, View, axis_labels, wind_axes, wind_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from master.report.state import FinalState
 
 PLOTS = tuple(f"{name}.{kind}" for name in ("motion", "shapes") for kind in ("png", "svg"))
 RESULTS = (*STATIC_RESULTS, *PLOTS)  # all files that a run may write
@@ -180,24 +183,39 @@ def result_rows(content: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def write_plots(
-    folder: Path, scene: Any, run: Simulation, blocks: dict[str, dict[str, np.ndarray]], recorder: Recorder
+    folder: Path,
+    scene: Any,
+    run: Simulation,
+    blocks: dict[str, dict[str, np.ndarray]],
+    recorder: Recorder,
+    labels: str | None = None,
 ) -> list[str]:
-    """Write the plots of a run, and VTK files of its end where meshio is there; their names."""
+    """Write the plots of a run, one of its end with names of nodes, lines or both as `labels` says, and VTK files of
+    its end where meshio is there; the names of the files.
+    """
     from importlib.util import find_spec
 
     from master.report.figures import rendered
 
     title = f"{scene.title}, {run.status.replace('_', ' ')}"
+    wind = wind_of(blocks.get("aero", {}))
+    figures = {
+        "motion": motion_figure(title, recorder, run),
+        "shapes": shapes_figure(title, recorder, scene, wind),
+    }
+    state = _end(scene, blocks) if all(blocks.values()) else None
+    if labels is not None and state is not None:
+        from master.report.labels import labels_figure
+
+        named = labels_figure(state, f"{title}, at {run.time:g} s", labels, wind is not None)
+        figures |= {} if named is None else {"labels": named}
     written = []
-    for name, figure in (
-        ("motion", motion_figure(title, recorder, run)),
-        ("shapes", shapes_figure(title, recorder, scene)),
-    ):
+    for name, figure in figures.items():
         for kind, data in rendered(figure).items():
             write_whole(folder / f"{name}.{kind}", data)
             written.append(f"{name}.{kind}")
-    if find_spec("meshio") is not None and all(blocks.values()):
-        written += _meshes(folder, scene, blocks)
+    if find_spec("meshio") is not None and state is not None:
+        written += _meshes(folder, state)
     return written
 
 
@@ -206,13 +224,18 @@ def nothing_on(mesh: Any) -> dict[str, np.ndarray]:
     return {"displacement": np.zeros(mesh.nodes.shape), "pressure": np.zeros(len(mesh.panels))}
 
 
-def _meshes(folder: Path, scene: Any, blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
-    from master.report import vtk
+def _end(scene: Any, blocks: dict[str, dict[str, np.ndarray]]) -> "FinalState":
+    """The state at the end of a run."""
     from master.report.state import final_state
 
     none = nothing_on(scene.interface)
     at_end = SimpleNamespace(blocks={side: none | blocks.get(side, {}) for side in ("structural", "aero")})
-    state = final_state(scene, at_end)  # type: ignore[arg-type]
+    return final_state(scene, at_end)  # type: ignore[arg-type]
+
+
+def _meshes(folder: Path, state: "FinalState") -> list[str]:
+    from master.report import vtk
+
     files = {}
     if len(state.surface.panels):
         files["wing.vtu"] = vtk.wing_file(state.surface)
@@ -270,37 +293,47 @@ def _size(curve: Curve) -> np.ndarray:
     return values[:, 0] if values.shape[1] == 1 else np.linalg.norm(values, axis=1)
 
 
-def shapes_figure(title: str, recorder: Recorder, scene: Any) -> "Figure":
-    """The structure at some times, light first and dark at the end, from the side and from upwind."""
+def shapes_figure(title: str, recorder: Recorder, scene: Any, wind: np.ndarray | None = None) -> "Figure":
+    """The structure at some times, light first and dark at the end, from the side and from upwind.
+
+    The views are those of the `wind` (3,) m/s; without one they are along the axes.
+    """
     from master.report.figures import WIDTH, axes_at, new_figure, style
 
     picked = [recorder.shapes[k] for k in np.unique(np.linspace(0, len(recorder.shapes) - 1, SHOWN).astype(int))]
     legs = np.concatenate(
         [np.stack([g.nodes[:, :-1], g.nodes[:, 1:]], axis=2).reshape(-1, 2) for g in scene.members.chains]
     )
-    points = np.concatenate([x for _, x in picked])
-    low, high = points.min(axis=0), points.max(axis=0)
-    span = np.maximum(high - low, 1e-3)
-    views: tuple[tuple[str, int, int], ...] = (("from the left", 0, 2), ("from upwind", 1, 2))
-    views = views if span[1] > 1e-2 * span[2] else views[:1]
+    axes_of_wind = wind_axes(wind)
+    if not np.array_equal(axes_of_wind, np.eye(3)):
+        picked = [(at, x @ axes_of_wind.T) for at, x in picked]
+    names = axis_labels(axes_of_wind)
+    span = np.maximum(np.ptp(np.concatenate([x for _, x in picked]), axis=0), 1e-3)
+    views = (FROM_LEFT, FROM_UPWIND) if span[1] > 1e-2 * span[2] else (FROM_LEFT,)
     flat = span[0] < 0.1 * span[2] and len(views) == 1  # a bow that would not be seen to scale
     height = 4.2
     with style():
         figure = new_figure(height, title)
         width = (WIDTH - 0.9 - 0.7 * (len(views) - 1)) / len(views) - 0.3
-        for place, (name, h, v) in enumerate(views):
+        for place, view in enumerate(views):
             axes: Axes = axes_at(figure, 0.65 + place * (width + 0.7), 0.5, width, height - 1.1)
-            for k, (_, x) in enumerate(picked):
-                shade = str(0.85 * (1.0 - k / max(len(picked) - 1, 1)))
-                ends = x[legs]
-                lines = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1).reshape(-1, 3)
-                label = f"{picked[k][0]:.4g} s"
-                axes.plot(lines[:, h], lines[:, v], color=shade, lw=0.9, label=label if place == 0 else None)
-            axes.set_title(name + (", not to scale" if flat else ""))
-            axes.set_xlabel(f"{'xyz'[h]}, m")
-            axes.set_ylabel(f"{'xyz'[v]}, m")
+            _shapes(axes, view, picked, legs)
+            axes.set_title((view.still if wind is None else view.title) + (", not to scale" if flat else ""))
+            axes.set_xlabel(names[view.h])
+            axes.set_ylabel(names[view.v])
             if not flat:
                 axes.set_aspect("equal", adjustable="datalim")
+            if view.leftward:
+                axes.invert_xaxis()
             if place == 0:
                 axes.legend(loc="best", fontsize=7.0)
     return figure
+
+
+def _shapes(axes: "Axes", view: View, picked: list[tuple[float, np.ndarray]], legs: np.ndarray) -> None:
+    """The `legs` (l,2) at all times in one view, the last one darkest."""
+    for k, (at, x) in enumerate(picked):
+        shade = str(0.85 * (1.0 - k / max(len(picked) - 1, 1)))
+        ends = x[legs]
+        lines = np.concatenate([ends, np.full((len(ends), 1, 3), np.nan)], axis=1).reshape(-1, 3)
+        axes.plot(lines[:, view.h], lines[:, view.v], color=shade, lw=0.9, label=f"{at:.4g} s")

@@ -17,7 +17,7 @@ KINDS = {"spring": 0, "line": 1, "rope over sheaves": 2, "tube": 3, "canopy": 4}
 
 
 def wing_file(surface: Surface) -> bytes:
-    """The wing: quads (triangles where a panel repeats its last index) with pressure_Pa, and shear_Pa if there is one.
+    """The wing: quads (triangles where a panel repeats its last index) with the fields of `PanelLoads`.
 
     Points are the interface nodes that panels use, cells keep the order of the panels.
     """
@@ -26,9 +26,7 @@ def wing_file(surface: Surface) -> bytes:
     triangle = corners[:, 2] == corners[:, 3]
     blocks = [list(rows) for _, rows in groupby(range(len(corners)), key=lambda i: bool(triangle[i]))]
     cells = [("triangle", corners[rows, :3]) if triangle[rows[0]] else ("quad", corners[rows]) for rows in blocks]
-    data = {"panel": np.arange(1, len(corners) + 1), "pressure_Pa": surface.pressure}
-    if surface.shear is not None:
-        data["shear_Pa"] = surface.shear
+    data = {"panel": np.arange(1, len(corners) + 1)} | surface.loads.fields()
     return _vtu(
         surface.position[nodes],
         cells,

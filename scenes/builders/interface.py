@@ -13,10 +13,21 @@ CHORD_FRACTIONS = np.array([0.0, 0.5, 1.0])
 ROUNDING = 1e-12  # of weights of order one
 
 
-def arc_fraction(points):
-    """Arc length along points (n,3) from 0 to 1, (n,)."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    return length / length[-1]
+def arc_length(points):
+    """Length along the polyline of points (n,3) m from its first one, (n,) m."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+
+def nearest_stations(points, line):
+    """Stations (p,) of the polyline `line` (n,3) m nearest to the points (p,3): 2.25 is a quarter of the way from its
+    third point to the fourth one.
+    """
+    along = np.diff(line, axis=0)
+    gap = points[:, None] - line[:-1]
+    at = np.clip(np.einsum("pik,ik->pi", gap, along) / np.einsum("ik,ik->i", along, along), 0.0, 1.0)
+    distance = np.linalg.norm(gap - at[..., None] * along, axis=2)
+    piece = distance.argmin(axis=1)
+    return piece + at[np.arange(len(points)), piece]
 
 
 def structural_interface(nodes, struts, per_bay):
@@ -27,9 +38,7 @@ def structural_interface(nodes, struts, per_bay):
     bay = np.minimum(station // per_bay, bays - 1)
     eta = (station - bay * per_bay) / per_bay
     weights = _bilinear(len(nodes), struts, np.repeat(bay, 3), np.tile(CHORD_FRACTIONS, count + 1), np.repeat(eta, 3))
-    strut_span = arc_fraction(nodes[struts[:, 0]])
-    span = strut_span[bay] + eta * (strut_span[np.minimum(bay + 1, bays)] - strut_span[bay])
-    return _interface(weights @ nodes, weights, span)
+    return _interface(weights @ nodes, weights)
 
 
 def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
@@ -45,8 +54,6 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
     f = (at - k)[:, None]
     le = leading_edge[k] + f * (leading_edge[k + 1] - leading_edge[k])
     te = trailing_edge[k] + f * (trailing_edge[k + 1] - trailing_edge[k])
-    span_of = arc_fraction(leading_edge)
-    span = span_of[k] + f[:, 0] * (span_of[k + 1] - span_of[k])
     points = (le[:, None] + CHORD_FRACTIONS[:, None] * (te - le)[:, None]).reshape(-1, 3)
     bay, xi, eta = _project(points, nodes, struts)
     weights = _bilinear(len(nodes), struts, bay, xi, eta).tolil()
@@ -59,7 +66,7 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
     weights = sp.csr_array(weights)
     weights.data[np.abs(weights.data) <= ROUNDING] = 0.0
     weights.eliminate_zeros()
-    return _interface(points, weights, span)
+    return _interface(points, weights)
 
 
 def grid_interface(nodes, grid):
@@ -69,14 +76,14 @@ def grid_interface(nodes, grid):
     sections = np.arange(len(flat)).reshape(grid.shape)
     fractions = np.linspace(0.0, 1.0, grid.shape[1])
     panels = station_panels(sections)
-    return Interface(nodes[flat], panels, weights, sections, fractions, arc_fraction(nodes[grid[:, 0]]))
+    return Interface(nodes[flat], panels, weights, sections, fractions)
 
 
 def lines_interface(nodes):
     """The interface of a structure (n,3) m without a wing, to which `with_lines` adds all that it has."""
     none = np.zeros((0, 3))
     sections, panels = np.zeros((0, 3), dtype=int), np.zeros((0, 4), dtype=int)
-    return Interface(none, panels, sp.csr_array((0, len(nodes))), sections, CHORD_FRACTIONS, np.zeros(0))
+    return Interface(none, panels, sp.csr_array((0, len(nodes))), sections, CHORD_FRACTIONS)
 
 
 def with_lines(interface, nodes, legs, diameter):
@@ -101,10 +108,10 @@ def with_lines(interface, nodes, legs, diameter):
     )
 
 
-def _interface(nodes, weights, span):
+def _interface(nodes, weights):
     sections = np.arange(len(nodes)).reshape(-1, 3)
     panels = station_panels(sections)
-    return Interface(nodes, panels, sp.csr_array(weights), sections, CHORD_FRACTIONS, span)
+    return Interface(nodes, panels, sp.csr_array(weights), sections, CHORD_FRACTIONS)
 
 
 def _bilinear(node_count, struts, bay, xi, eta):

@@ -8,11 +8,12 @@ import numpy as np
 
 from aero import AeroModel, Flow, Gusts, coefficients, glide_ratio
 from aero.model import LOADS
-from interface import Variable
+from interface import UprightPlane, Variable
 from interface.mirror import mirror_permutation, symmetrised
-from interface.vectors import rotated
 
 from .core import Result, Solver
+from .heading import inward
+from .structural_variables import start_azimuth
 
 GUSTS = ("gust_speed", "gust_start", "gust_duration", "gust_interval")
 
@@ -41,6 +42,7 @@ class FlowSolver(Solver):
         self.models = tuple(m for m in (wing, lines) if m is not None)
         self._outputs = [{v.name for v in m.variables if v.causality == "output"} for m in self.models]
         self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
+        self._heading, self._turns = scene.heading, scene.trim is not None and scene.pivot is not None
         self.variables = tuple(self._declared(scene.aero))
         around = "lines alone" if wing is None else "the wing of a transient scene" if scene.transient else ""
         if around:
@@ -69,6 +71,7 @@ class FlowSolver(Solver):
                 yield Variable("glide_ratio", causality="output", description=text)
             shown = () if model is None else model.variables
             yield from (v for v in shown if v.causality == "output" and (v.name not in LOADS or v in later))
+        yield from start_azimuth(self._scene)
 
     def _air(self, aero):
         of_node = partial(Variable, shape=(len(self._interface.nodes), 3), counts="interface node")
@@ -112,9 +115,11 @@ class FlowSolver(Solver):
         """See Solver."""
         if block == "wind_direction" and not np.abs(array).max() > 0.0:
             raise ValueError("wind_direction must not be zero.")
-        across = block != "wind_direction" or np.abs(array[[0, 2]]).max() > 1e-6 * np.abs(array).max()
-        if self._wing is not None and not across:
-            raise ValueError("wind_direction must not be zero or along the span (y).")
+        if block == "wind_direction" and self._wing is not None and not self._turns:
+            span = self._heading.axes({})
+            along = inward(array, span)
+            if not np.abs(along[[0, 2]]).max() > 1e-6 * np.abs(along).max():
+                raise ValueError("wind_direction must not be zero or along the span (y).")
         if block == "gust_duration" and not float(array) > 0.0:
             raise ValueError("gust_duration must be above zero.")
 
@@ -125,9 +130,9 @@ class FlowSolver(Solver):
 
     def follow(self, block, values, state, started):
         """See Solver: where the wing starts, and the wind with its gust."""
-        if block == "trim_angle":
+        if block in ("trim_angle", "start_azimuth"):
             nodes = self._interface.nodes
-            turned = rotated(nodes, float(values["trim_angle"]), self._about) - nodes
+            turned = self._heading.started(nodes, values) - nodes
             return Result({"displacement": turned} | self._started(turned))
         return Result(self._wind(values, state) if block in ("wind_speed", *GUSTS) else {})
 
@@ -210,19 +215,24 @@ class FlowSolver(Solver):
 
         def derivative(changes):
             change = changes.get("displacement", np.zeros_like(self._interface.nodes))
-            change = self._symmetric_part(change) if state.symmetric else change
+            change = self._symmetric_part(change, flow.nodes) if state.symmetric else change
             return {k: v for model in along for k, v in model(change).items()}
 
         return derivative
 
-    def _symmetric_part(self, change):
-        """The mirror-symmetric part of a direction (n,3); of the wing alone where the lines have no mirror image."""
+    def _symmetric_part(self, change, nodes):
+        """The mirror-symmetric part of a direction (n,3) in the plane that mirrors the wing on `nodes` (n,3) m; of the
+        wing alone where the lines have no mirror image.
+        """
+        sections = self._interface.sections
+        plane = UprightPlane.between(nodes[sections[0]], nodes[sections[-1]])
+        change = plane.inward(change)
         if self._image is not None:
-            return symmetrised(change, self._image)
-        change, sections = change.copy(), self._interface.sections
+            return plane.outward(symmetrised(change, self._image))
+        change = change.copy()
         change[sections] = symmetrised(change[sections], np.arange(len(sections))[::-1])
-        return change
+        return plane.outward(change)
 
     @cached_property
     def _image(self):
-        return mirror_permutation(self._interface.nodes)
+        return mirror_permutation(self._heading.home(self._interface.nodes))

@@ -6,19 +6,23 @@ import numpy as np
 
 from ..schema import SceneError
 
+IN_PLANE = 1e-6  # m, as for mirror images
 
-def held_place(scene):
-    """Node and nodal rotation at which roll and yaw can be held; None where scene.toml names none."""
+
+def held_place(scene, members):
+    """Node and nodal rotation at which roll and yaw can be held; None where scene.toml names none. The `members` are
+    those of the scene in the axes of the kite.
+    """
     label = scene.structure.hold
     if label is None:
         return None
-    where, members = f"{scene.name}/scene.toml [structure] hold", scene.members
+    where = f"{scene.name}/scene.toml [structure] hold"
     node = members.node(label, where)
     rotations = np.flatnonzero(members.wing.rotation_nodes == node)
     if len(rotations) != 1:
         raise SceneError(f"{where}: node {label} must be one on a tube, without a hinge; name another.")
-    if members.nodes[node, 1] != 0.0:
-        raise SceneError(f"{where}: node {label} must lie in the plane y = 0; name another.")
+    if abs(members.nodes[node, 1]) > IN_PLANE:
+        raise SceneError(f"{where}: node {label} must lie in the plane of symmetry (y = 0 of a kite drawn along x).")
     return node, int(rotations[0])
 
 

@@ -9,6 +9,7 @@ from interface.mirror import symmetrised
 from structural import Loads, LoadSensitivity, equilibrium, interface_loads
 
 from .core import Result, Solver
+from .heading import inward, outward
 from .holding import held_moment, holding_reactions
 from .structural_variables import static_variables
 from .structure import StructuralModel
@@ -49,7 +50,7 @@ class Statics(Solver):
 
     def follow(self, block, values, state, started):
         """See Solver."""
-        if block == "trim_angle":
+        if block in ("trim_angle", "start_azimuth"):
             return self.begin(values)
         return Result() if started else Result(self.model.shown(values, state.x, state.rotations))
 
@@ -76,7 +77,7 @@ class Statics(Solver):
             )
         shape = Shape(found.x, found.rotations)
         out = model.shown(values, found.x, found.rotations) | {
-            "support_force": model.external_force(loads, found.x),
+            "support_force": outward(model.external_force(loads, found.x), model.heading.axes(values)),
             "residual": found.residual,
             "imbalance_before_step": found.residuals[0],
             "unstable_modes": found.unstable_modes,
@@ -84,7 +85,7 @@ class Statics(Solver):
             "symmetry_used": float(symmetric),
         }
         if "hold_roll_and_yaw" in values:
-            out |= self._holding(groups, loads, shape, held)
+            out |= self._holding(values, groups, loads, shape, held)
         return Result(out, shape)
 
     @staticmethod
@@ -107,14 +108,14 @@ class Statics(Solver):
         near = equilibrium(assembly, loads, state.x, max(1e-3, 1e-6 * force), groups=groups, rotations=state.rotations)
         return Shape(near.x, near.rotations) if near.converged else state
 
-    def _holding(self, groups, loads, shape, held):
+    def _holding(self, values, groups, loads, shape, held):
         """Reactions of the held node: what the free structure is out of balance by."""
         if not held:
             return {"holding_force": 0.0, "holding_moment": np.zeros(3)}
         free, r = self._free_residual(groups, loads, shape)
         about = np.zeros(3) if self.model.pivot is None else self.model.members.nodes[self.model.pivot]
         force, moment = holding_reactions(free, r, shape.x, self.model.held, about)
-        return {"holding_force": force, "holding_moment": moment}
+        return {"holding_force": force, "holding_moment": outward(moment, self.model.heading.axes(values))}
 
     def _free_residual(self, groups, loads, shape):
         """The assembly without the hold, and what it is out of balance by (q,)."""
@@ -128,7 +129,7 @@ class Statics(Solver):
         K dX = H^T df and dx = H dX with the consistent tangent K of elements and follower loads
         (`structural.LoadSensitivity`), factorised once.
         """
-        model = self.model
+        model, axes = self.model, self.model.heading.axes(values)
         groups, loads, held = model.groups(values), model.loads(values), self._is_held(values)
         symmetric = bool(values["symmetry_used"])
         reaction = None
@@ -139,12 +140,13 @@ class Statics(Solver):
         sensitivity = LoadSensitivity(assembly, loads, state.x, groups, state.rotations, reaction)
 
         def along(changes):
+            changes = {k: v if k == "pressure" else inward(v, axes) for k, v in changes.items()}
             if symmetric:
                 panels, lines = model.images
                 changes = {k: symmetrised(v, lines if k == "line_load" else panels) for k, v in changes.items()}
             pressure = changes.get("pressure", np.zeros(len(model.interface.panels)))
             on = interface_loads(pressure, changes.get("shear"), changes.get("line_load"))
             moved = sensitivity(Loads(np.zeros_like(state.x), on))
-            return {"displacement": model.interface.weights @ moved}
+            return {"displacement": outward(model.interface.weights @ moved, axes)}
 
         return along

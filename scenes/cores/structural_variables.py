@@ -27,6 +27,7 @@ def static_variables(scene, model):
     yield whole("unstable_modes", description=text)
     yield _symmetry_used(scene, model)
     yield _rest_length(scene, model)
+    yield from start_azimuth(scene)
 
 
 def transient_variables(scene, model):
@@ -43,13 +44,14 @@ def transient_variables(scene, model):
     yield whole("newton_iterations", description="Newton iterations of the step")
     yield _symmetry_used(scene, model)
     yield _rest_length(scene, model)
+    yield from start_azimuth(scene)
 
 
 def _loads(scene):
     interface, panels = scene.interface, len(scene.interface.panels)
     of_panel = partial(Variable, counts="panel")
     if "pressure" in scene.loads:
-        text = "net pressure on each interface panel, follower"
+        text = "pressure along the normal of each interface panel, follower"
         yield of_panel("pressure", (panels,), unit="Pa", description=text)
     if "shear" in scene.loads:
         text = "traction on each interface panel, keeps its global direction"
@@ -178,3 +180,13 @@ def _rest_length(scene, model):
     names = scene.members.names
     of_element = partial(output, labels=names, counts="element", unit="m")
     return of_element("rest_length", (len(names),), start=model.tapes.rest_lengths, description="rest length")
+
+
+def start_azimuth(scene):
+    """The parameter of both sides that turns a kite to the wind, where it has a trim angle."""
+    if scene.trim is not None:
+        text = (
+            "rigid rotation about the upright axis through the pivot in which the kite starts, after trim_angle; its "
+        )
+        text += "plane of symmetry turns with it"
+        yield fixed("start_azimuth", unit="rad", minimum=-7.0, maximum=7.0, description=text)

@@ -27,6 +27,7 @@ from structural import (
     tensions,
 )
 
+from .heading import inward
 from .holding import held_place, held_structure
 from .symmetry import mirror_images, symmetric_groups, symmetric_state
 from .tapes import Tapes
@@ -52,14 +53,17 @@ class Memoised:
 class StructuralModel:
     """What a static and a transient core share. It has no state: all follows from values of blocks and a shape.
 
-    `members` and `interface` are those of the scene, `mirror` (n,) the images of its nodes or None, `held` the node and
-    nodal rotation at which roll and yaw can be held or None.
+    Shapes are in the axes of the kite (see `Heading`), where its plane of symmetry is y = 0; what `shown` gives is in
+    the global ones. `members` and `interface` are those of the scene, in the axes of the kite, `mirror` (n,) the images
+    of its nodes or None, `held` the node and nodal rotation at which roll and yaw can be held or None.
     """
 
     def __init__(self, scene):
-        self.scene = scene
-        self.members, self.interface, self.pivot = scene.members, scene.interface, scene.pivot
-        self.tapes, self.held = Tapes(scene), held_place(scene)
+        self.scene, self.pivot, self.heading = scene, scene.pivot, scene.heading
+        home = self.heading.home
+        self.members = replace(scene.members, nodes=home(scene.members.nodes))
+        self.interface = replace(scene.interface, nodes=home(scene.interface.nodes))
+        self.tapes, self.held = Tapes(scene), held_place(scene, self.members)
         self.mirror = mirror_permutation(self.members.nodes)
         self._assemblies: dict[tuple[bool, bool], Assembly] = {}
         self._beams, self._chains, self._groups, self._symmetric = (Memoised() for _ in range(4))
@@ -148,16 +152,17 @@ class StructuralModel:
         """Loads of the interface, weights and loads on nodes with their present values; `more_mass` (n,) kg adds
         weight.
         """
-        gravity = float(values["gravity"])
+        gravity, axes = float(values["gravity"]), self.heading.axes(values)
         dead = self.mass(values)[:, None] * np.array([0.0, 0.0, -gravity])
         for load in self.scene.point_loads:
-            np.add.at(dead, load.nodes, float(values[load.name]) * load.directions)
+            np.add.at(dead, load.nodes, float(values[load.name]) * inward(load.directions, axes))
         if more_mass is not None:
             dead[:, 2] -= more_mass * gravity
-        return Loads(dead, interface_loads(values.get("pressure"), values.get("shear"), values.get("line_load")))
+        shear, line_load = (inward(values.get(name), axes) for name in ("shear", "line_load"))
+        return Loads(dead, interface_loads(values.get("pressure"), shear, line_load))
 
     def external_force(self, loads, x):
-        """Force (3,) N of all loads together in node positions x (n,3) m."""
+        """Force (3,) N of all loads together in node positions x (n,3) m, in the axes of the kite."""
         points, force = self.interface.weights @ x, loads.dead.sum(axis=0)
         if "panels" in loads.on:
             on = loads.on["panels"]
@@ -187,9 +192,10 @@ class StructuralModel:
         """
         chains = self.chains(values) if chains is None else chains
         tension = np.concatenate([tensions(x, c) for c in chains])
+        axes = self.heading.axes(values)
         out = {
-            "position": x,
-            "displacement": self.interface.weights @ x - self.interface.nodes,
+            "position": self.heading.placed(x, axes),
+            "displacement": self.heading.placed(self.interface.weights @ x, axes) - self.scene.interface.nodes,
             "tension": tension,
             "rest_length": np.concatenate([c.l0 for c in chains]),
             "slack_lines": np.count_nonzero((self.members.area > 0.0) & (tension <= 0.0)),

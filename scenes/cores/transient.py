@@ -12,6 +12,7 @@ from structural.elements import Configuration
 
 from ..schema import SceneError
 from .core import Result, Solver
+from .heading import outward
 from .structural_variables import transient_variables
 from .structure import StructuralModel
 
@@ -113,7 +114,7 @@ class Transient(Solver):
 
     def follow(self, block, values, state, started):
         """See Solver."""
-        if block == "trim_angle":
+        if block in ("trim_angle", "start_azimuth"):
             state = replace(state, x=self._start_positions(values))
         elif started:
             return Result()
@@ -293,7 +294,8 @@ class Transient(Solver):
         lengths = {name: length for name, (length, _) in state.lengths.items()}
         chains = self.model.tapes.chains(lengths, self._modulus(values))  # as reeled, whatever the parameters say
         shown = self.model.shown(values, state.x, None, chains)
-        return shown | {"velocity": self.model.interface.weights @ state.v}
+        velocity = outward(self.model.interface.weights @ state.v, self.model.heading.axes(values))
+        return shown | {"velocity": velocity}
 
     def _outputs(self, values, state, result, air, symmetric):
         out = self._shown(values, state)
@@ -304,7 +306,7 @@ class Transient(Solver):
             inertia = inertia + np.einsum("nij,nj->i", air, state.a)
         force = self.model.external_force(state.loads, state.x)
         return out | {
-            "support_force": force - inertia,  # what moves no node is held
+            "support_force": outward(force - inertia, self.model.heading.axes(values)),  # what moves no node is held
             "integration_steps": result.steps,
             "newton_iterations": result.newton_iterations,
             "symmetry_used": float(symmetric),

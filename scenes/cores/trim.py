@@ -6,10 +6,10 @@ import numpy as np
 
 from aero.trim import stable_trim
 from interface import StepFailed
-from interface.vectors import rotated
 
 from ..schema import SceneError
 from .core import Core
+from .heading import inward
 
 
 def trim_angle(scene, parameters: dict[str, Any], cores: dict[str, Core]) -> float:
@@ -38,6 +38,8 @@ def _trim(scene, core, structure):
     if scene.pivot is None:
         raise SceneError(f"{scene.name}/scene.toml: [trim] needs [structure] pivot, the node to turn about; add it.")
     members, nodes = scene.members, scene.interface.nodes
+    heading, azimuth = scene.heading, {"start_azimuth": float(core.get("start_azimuth"))}
+    axes = heading.axes(azimuth)
     about = members.nodes[scene.pivot]
     wing_mass = members.wing_mass.sum()
     if "wing_mass" in {v.name for v in structure.variables}:
@@ -45,13 +47,14 @@ def _trim(scene, core, structure):
     weight = float(structure.get("gravity")) * members.mass_with(wing_mass)
 
     def moment(angle: float) -> float:
-        core.set("displacement", rotated(nodes, angle, about) - nodes)
+        turned = azimuth | {"trim_angle": angle}
+        core.set("displacement", heading.started(nodes, turned) - nodes)
         try:
             core.step(0.0, 0.0)
         except StepFailed as error:
             raise SceneError(f"{scene.name}: no trim angle can be found for this wind: {error}") from None
-        arm = rotated(members.nodes, angle, about)[:, 0] - about[0]
-        air = core.get("moment") + (core.get("line_moment") if "line_moment" in names else 0.0)
+        arm = inward(heading.started(members.nodes, turned) - about, axes)[:, 0]
+        air = inward(core.get("moment") + (core.get("line_moment") if "line_moment" in names else 0.0), axes)
         return float(air[1] + weight @ arm)
 
     low, high = np.deg2rad(scene.trim.lowest_deg), np.deg2rad(scene.trim.highest_deg)
@@ -61,10 +64,13 @@ def _trim(scene, core, structure):
     lift = float(core.get("CL")) * float(core.get("wind_speed")) ** 2
     lift *= 0.5 * float(core.get("air_density")) * scene.aero.reference_area
     sense = " (it rises, so that the angle between is not stable)" if found.rises else ""
+    side = inward(core.get("wind_direction"), axes)
+    aside = abs(np.rad2deg(np.arctan2(side[1], side[0])))
+    turn = f"turn the kite to the wind, which comes {aside:.3g} degrees from the side (start_azimuth); "
     raise SceneError(
         f"{scene.name}: no trim angle between {np.rad2deg(low):g} and {np.rad2deg(high):g} degrees, where the pitching "
         f"moment about the pivot falls through zero: air and weight pitch with {found.first:.4g} N m at the lowest and "
         f"{found.last:.4g} N m at the highest{sense}, with {weight.sum():.4g} N of weight and {lift:.4g} N of lift "
-        "there; check masses, diameters and polars, or raise wind_speed so that the wind can carry the kite, or widen "
-        "[trim]."
+        f"there; {turn if aside > 1.0 else ''}check masses, diameters and polars, or raise wind_speed so that the wind "
+        "can carry the kite, or widen [trim]."
     )

@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ..builders.interface import arc_fraction
+from ..builders.interface import arc_length, nearest_stations
+from ..interface import Interface
 from ..members import Members
 from ..scene import SectionPolars
 from ..schema import SceneError, WingInput
 from .description import Description
 from .tables import Table, name, number, read_table
+
+QUARTER = 0.25  # of the chord: where the lifting line is
 
 
 def read_struts(folder: Path, scene: Description, members: Members) -> np.ndarray:
@@ -100,8 +103,8 @@ def design_edges(sections: Table, scale: float) -> tuple[np.ndarray, np.ndarray]
     return le, te
 
 
-def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float) -> SectionPolars:
-    """The polars of the design sections of a wing at a scale."""
+def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float, interface: Interface) -> SectionPolars:
+    """The polars of the design sections of a wing at a scale, for the strips of its interface."""
     columns = {"polar": name, "alpha_deg": number, "cl": number, "cd": number, "cm": number}
     table = read_table(folder / wing.polars, columns)
     polar = np.array(table["polar"])
@@ -128,5 +131,17 @@ def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float) ->
             raise SceneError(f"{sections.at(row)}: polar '{key}' is not in {label}; add it or correct the name.")
     used = list(dict.fromkeys(sections["polar"]))
     cl, cd, cm = np.array([curves[key] for key in used]).transpose(1, 0, 2)
-    span = arc_fraction(design_edges(sections, scale)[0])
-    return SectionPolars(np.deg2rad(grid), cl, cd, cm, np.array([used.index(key) for key in sections["polar"]]), span)
+    polar = np.array([used.index(key) for key in sections["polar"]])
+    return SectionPolars(np.deg2rad(grid), cl, cd, cm, polar, *_places(*design_edges(sections, scale), interface))
+
+
+def _places(leading_edge, trailing_edge, interface):
+    """Where the design sections and the strips of the interface lie on the quarter-chord line of the design, m from its
+    left end. A strip lies where this line comes nearest, as the structure may be shorter or longer than the design.
+    """
+    line = leading_edge + QUARTER * (trailing_edge - leading_edge)
+    edges = interface.nodes[interface.sections[:, [0, -1]]]
+    quarter = edges[:, 0] + QUARTER * (edges[:, 1] - edges[:, 0])
+    span = arc_length(line)
+    station = nearest_stations(0.5 * (quarter[1:] + quarter[:-1]), line)
+    return span, np.interp(station, np.arange(len(line)), span)

