@@ -107,7 +107,12 @@ class Transient(Solver):
 
     def _start_positions(self, values):
         x, _ = self.model.start(values)
-        return x if self._start is None else self._start.of_nodes(x)
+        if self._start is None:
+            return x
+        heading, axes = self.model.heading, self.model.heading.axes(values)
+        drawn = heading.placed(x, axes)
+        found = self._start.of_nodes(drawn)
+        return x if found is drawn else heading.taken_home(found, axes)
 
     def _lengths(self, values):
         return {name: (float(values[name]), float(values[name])) for name in self.model.tapes}

@@ -119,6 +119,23 @@ def test_a_start_is_that_of_its_parameters_and_leaves_the_solvers_as_they_were()
     assert np.array_equal(turned, _sides(scene, given | {"trim_angle": 0.1})["structural"].get("position"))
 
 
+@pytest.mark.parametrize("degrees", [30.0, 200.0])
+def test_a_kite_in_wind_from_the_side_starts_in_the_same_shape_turned(degrees):
+    scene, angle = load("v3_kite_dynamic"), np.deg2rad(degrees)
+    along = {"wind_direction": np.array([np.cos(angle), np.sin(angle), 0.0])}
+    ahead, _ = with_start(scene)
+    given = scene.with_trim(along)
+    turned, why = with_start(scene, given)
+    assert why == ""
+    towards = np.array([[np.cos(angle), np.sin(angle), 0.0], [-np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    assert np.allclose(turned.start.nodes, ahead.start.nodes @ towards, atol=1e-6)  # m, of solves to 1e-8
+    sides = _sides(turned, given)
+    shape = sides["structural"].get("displacement")
+    assert np.allclose(sides["structural"].get("position"), turned.start.nodes, atol=1e-12)
+    assert np.ptp(_exchanged_once(sides["aero"], sides["structural"], 10, "serial")) < STILL
+    assert np.abs(sides["structural"].get("displacement") - shape).max() < 1e-6
+
+
 @pytest.mark.parametrize("name", ["tether_in_wind", "v3_kite"])
 def test_scenes_that_do_not_start_in_equilibrium_stay_as_they_are(name):
     scene = load(name)
