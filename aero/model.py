@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from interface import SurfaceMesh, Variable
+from interface import Criterion, SurfaceMesh, Variable
 
 Values = Mapping[str, np.ndarray]
 Derivative = Callable[[np.ndarray], dict[str, np.ndarray]]
@@ -87,7 +87,8 @@ class Wing:
 
     `mesh` is the interface, open or closed; where it is made of strips, `sections` (n+1, k+1) are node indices of the
     stations of each section at the `fractions` (k+1,) of the chord, and `polars` reads the section polars of the n
-    strips. `options` are those of [aero] in scene.toml, `symmetric` whether one half is to be solved at the start.
+    strips. `options` are those of [aero] in scene.toml, `symmetric` whether one half is to be solved at the start, and
+    `transient` whether the wing moves.
     """
 
     mesh: SurfaceMesh
@@ -96,6 +97,7 @@ class Wing:
     sections: np.ndarray | None = None
     fractions: np.ndarray | None = None
     polars: Callable[[], Any] | None = None
+    transient: bool = False
 
 
 class AeroModel:
@@ -104,6 +106,7 @@ class AeroModel:
     title: str = ""  # what it is, as a sentence about it would call it
     variables: tuple[Variable, ...] = ()  # parameters that it takes and outputs that it gives
     strips: StripLayout | None = None  # strips along the span, where it has some
+    criteria: tuple[Criterion, ...] = ()  # what its answer is judged by, of its outputs: up to where it is good
 
     def solve(self, flow: Flow, values: Values, state: Any = None) -> Response:
         """Loads and outputs for a flow, with the `values` of its parameters and the state that the step before left

@@ -12,7 +12,7 @@ from .text import lines, table
 SPEEDS = (8.0, 12.0, 20.0)  # m/s
 NAMES = (
     "wind, m/s", "status", "coupling iterations", "out-of-balance force, N", "α, °", "C_L", "C_D", "glide, with lines",
-    "tip span, m", "pull, N", "solve, ms",
+    "tip span, m", "pull, N", "largest line strain, %", "outside validity", "solve, ms",
 )  # fmt: skip
 
 
@@ -42,13 +42,16 @@ def results(quick):
                 f"{aero['glide_ratio']:.2f}",
                 f"{aero['tip_span']:.3f}",
                 f"{np.linalg.norm(coupling.structural.get('support_force')):.0f}",
+                f"{100.0 * float(coupling.structural.get('largest_line_strain')):.1f}",
+                ", ".join(j.criterion.quantity for j in run.validity if not j.within) or "nothing",
                 f"{1e3 * run.result.seconds['total']:.0f}",
             ]
         )
     return lines(
         table(NAMES, rows),
         "C_L and C_D of the wing on 19.753 m²; glide is lift over drag with the lines; pull is the force on the bridle "
-        "point, weight of the control unit included; time of the coupling loop, both solvers in one process.",
+        "point, weight of the control unit included; lines are known to be good up to 1 % of strain "
+        "(docs/scenes.md, Validity); time of the coupling loop, both solvers in one process.",
     )
 
 

@@ -26,6 +26,7 @@ class Buffer:
             self.blocks[variable.name] = variable, slice(size, size + variable.size)
             size += variable.size
         self.values = np.zeros(size)
+        self._views = {name: self.values[where].reshape(v.shape) for name, (v, where) in self.blocks.items()}
         sizes = [v.size for v in variables]
         self._block_of = np.repeat(np.array([v.name for v in variables], dtype=object), sizes)
         self._low = np.repeat([-LARGEST if v.minimum is None else v.minimum for v in variables], sizes)
@@ -97,7 +98,7 @@ class Buffer:
     def fill(self, names: Iterable[str], values: Any) -> None:
         """Take over blocks from `values`, a function of their name."""
         for name in names:
-            self.values[self.blocks[name][1]] = np.asarray(values(name), dtype=float).reshape(-1)
+            self._views[name][...] = values(name)
 
     def start(self) -> dict[str, list[float]]:
         """The present values of every block, in order."""

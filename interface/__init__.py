@@ -9,6 +9,7 @@ from .failures import StepFailed
 from .mesh import SurfaceMesh
 from .mirror import MIRROR, UprightPlane, mirror_permutation, mirror_rows
 from .panels import area_vectors, corner_shares
+from .validity import Criterion
 from .variables import Variable
 from .vectors import cross, rotation, spin, turned
 
@@ -17,6 +18,7 @@ LOADED_AT = time.time()  # s; what is changed later is not what this process run
 __all__ = [
     "LOADED_AT",
     "MIRROR",
+    "Criterion",
     "StepFailed",
     "SurfaceMesh",
     "UprightPlane",

@@ -85,14 +85,20 @@ def run(
             help="Transient cases: CSV file with a column time and columns of parameters, linearly interpolated."
         ),
     ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="Exit code 1 too where the result is outside of what its models are good for."),
+    ] = False,
     live: Annotated[bool, typer.Option("--live", help="Plot the residual in the terminal while it runs.")] = False,
 ) -> None:
     """Couple structure and flow of SCENE; print a table, write results and a report.
 
     A quasi-static case is iterated to equilibrium, a transient one integrated in time.
 
-    Exit code: 0 converged, 1 not converged or statically unstable (results are still written), 2 bad input, 130
-    interrupted (earlier results in the folder are gone then).
+    The row `validity` says what lies beyond the limits of the models: line strain, load of tubes, stall, and more.
+
+    Exit code: 0 converged, 1 not converged or statically unstable, or with --strict outside validity (results are still
+    written), 2 bad input, 130 interrupted (earlier results in the folder are gone then).
     """
     from master.commands import run_scene
     from master.coupling.checkpoint import Files
@@ -119,6 +125,7 @@ def run(
             live,
             {"stop_time": stop_time, "step": step, "inputs": inputs},
             {name for name in choices if ctx.get_parameter_source(name).name != "DEFAULT"},  # type: ignore[union-attr]
+            strict,
         )
     )
 

@@ -57,11 +57,13 @@ def run_scene(
     live: bool = False,
     motion: dict[str, Any] | None = None,
     chosen: Collection[str] | None = None,
+    strict: bool = False,
 ) -> int:
     """Run a scene, print its table, write its files; the exit code.
 
     `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself. `chosen` are
-    the names of the `choices` that a restart does not take from its checkpoint, None: all.
+    the names of the `choices` that a restart does not take from its checkpoint, None: all. `strict`: a result outside
+    of what its models are known to be good for counts as not converged.
     """
     import scenes
 
@@ -84,7 +86,7 @@ def run_scene(
     out = out or Path("results") / scene.name
     results_folder(out)
     with tempfile.TemporaryDirectory(prefix="kitecosim_") as built_in:
-        job = Job(scene, given, choices, out, Path(built_in), files, assigned, kept)
+        job = Job(scene, given, choices, out, Path(built_in), files, assigned, kept, strict)
         if scene.transient:
             from master.transient import run_transient
 
@@ -113,9 +115,10 @@ def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
         run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=writer, **options)
         if run.status in ("converged", "statically_unstable"):
             writer.end(run.result)
-    run.remarks.extend(remarks + writer.remarks + _hints(scene, given, run))
+    run.remarks.extend(remarks + writer.remarks + scene.notes() + _hints(scene, given, run))
     _write(job, run, ready - begin, cores)
-    return EXIT_CONVERGED if run.status == "converged" else EXIT_NOT_CONVERGED
+    good = run.status == "converged" and (not job.strict or all(j.within for j in run.validity))
+    return EXIT_CONVERGED if good else EXIT_NOT_CONVERGED
 
 
 def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
@@ -340,6 +343,8 @@ def opened(
 
             paths = build(scene, out / "fmus", parameters, reference=False, cores=cores)
             fmus = [stack.enter_context(FmuParticipant(path)) for path in paths]
+            for fmu, core in zip(fmus, (cores or scene.cores()).values(), strict=False):
+                fmu.criteria = core.criteria  # an FMU has their outputs, and their limits in words only
             yield dict(zip(("structural", "aero"), fmus, strict=False))
         else:
             yield {

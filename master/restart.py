@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from master.report.tables import write_whole
 class Job:
     """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, one
     that FMUs are `built_in` until all input is known to be good, the checkpoints, the texts `assigned` on the command
-    line, and what a restart has `kept` besides.
+    line, what a restart has `kept` besides, and whether it is `strict`: a result outside validity is no good one.
     """
 
     scene: Any
@@ -37,6 +37,7 @@ class Job:
     files: Files = NO_FILES
     assigned: dict[str, str] = field(default_factory=dict)
     kept: list[str] = field(default_factory=list)
+    strict: bool = False
 
     @property
     def about(self) -> dict[str, Any]:
@@ -205,8 +206,11 @@ class CheckpointWriter:
 class StepCheckpointWriter:
     """Writes the checkpoints of a transient run: every so many communication steps, and at its end."""
 
-    def __init__(self, files: Files, stop_time: float, about: Mapping[str, Any]) -> None:
-        self._keeper, self._stop, self._about = Keeper(files), stop_time, about
+    def __init__(
+        self, files: Files, stop_time: float, about: Mapping[str, Any], more: Callable[[], Mapping[str, Any]] = dict
+    ) -> None:
+        """`more` is what it says besides, at the time that it is written."""
+        self._keeper, self._stop, self._about, self._more = Keeper(files), stop_time, about, more
 
     @property
     def remarks(self) -> list[str]:
@@ -216,7 +220,7 @@ class StepCheckpointWriter:
     def __call__(self, exchange: Exchange, scheme: Scheme | None, march: March) -> None:
         """After a communication step."""
         last = exchange.time > self._stop - 0.5 * exchange.dt
-        about = {**self._about, "time": exchange.time, "steps": len(march.steps)}
+        about = {**self._about, **self._more(), "time": exchange.time, "steps": len(march.steps)}
         self._keeper.keep(
             len(march.steps), f"at {exchange.time:g} s", about,
             lambda: checkpoint.dump_march(exchange, scheme, march), last,

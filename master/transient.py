@@ -21,6 +21,7 @@ from master.coupling.simulation import PARAMETERS, Inputs, Simulation, simulate
 from master.report import missing_libraries, print_written, versions, write_json, write_state
 from master.report.console import print_rows
 from master.report.transient import NO_PLOTS, RESULTS, Recorder, nothing_on, result_rows, summary, write_plots
+from master.report.validity import validity_row
 from master.restart import Job, StepCheckpointWriter, inputs_file, resumed_march
 
 EXIT_FINISHED, EXIT_NOT_FINISHED = 0, 1
@@ -42,12 +43,13 @@ def run_transient(
     """
     scene, choices, out = job.scene, job.choices, job.out
     _require(choices, live)
-    begun = 0.0 if job.files.restart is None else float(checkpoint.head(job.files.restart).get("time", 0.0))
+    was = {} if job.files.restart is None else checkpoint.head(job.files.restart)
+    begun, before = float(was.get("time", 0.0)), was.get("validity", {})
     stop, dt = transient_times(scene, stop_time, step, begun, job.given.get("longest_step"))
     table = None if inputs is None else Inputs.read(inputs)
     about = {**job.about, "stop_time": stop, "communication_step": dt}
     about["inputs"] = None if inputs is None else inputs_file(inputs)
-    remarks = list(job.remembered)
+    remarks, kept = [*job.remembered, *scene.notes()], dict[str, Any]()  # what a checkpoint says besides
     begin = time.perf_counter()
     with participants as pair:
         if table is not None:
@@ -57,7 +59,9 @@ def run_transient(
 
             def follow(at: float, run: Simulation) -> None:
                 if recorder.fresh:
+                    run.peaks.restore(before)
                     job.clear(RESULTS)
+                kept["validity"] = run.peaks.record()
                 recorder(at, run)
                 shown(at, run)
 
@@ -67,7 +71,7 @@ def run_transient(
                 remarks.insert(0, remark)
                 return march
 
-            writer = StepCheckpointWriter(job.files, stop, about)
+            writer = StepCheckpointWriter(job.files, stop, about, lambda: kept)
             run = simulate(
                 pair, stop, dt, choices["scheme"], choices["order"], choices["tolerance"], choices["max_iterations"],
                 table, follow, writer, None if job.files.restart is None else resumed,
@@ -81,7 +85,8 @@ def run_transient(
     settings |= {"parameters_set": job.given, "scheme_parameters": scheme_parameters(choices)}
     content = summary(scene, run, blocks, settings, seconds) | {"versions": versions()}
     _write(job, run, blocks, content, recorder, remarks)
-    return EXIT_FINISHED if run.finished else EXIT_NOT_FINISHED
+    good = run.finished and (not job.strict or all(j.within for j in run.validity))
+    return EXIT_FINISHED if good else EXIT_NOT_FINISHED
 
 
 def scheme_parameters(choices: dict[str, Any]) -> dict[str, Any]:
@@ -149,7 +154,7 @@ def _write(
     notes += [f"note: step {number}: {sentence}" for number, sentence in list(run.steps.messages)[-3:]]
     if not run.finished:
         notes.append(f"{run.status}: {run.message}")
-    print_rows(f"{scene.title}: {run.status}", result_rows(content), notes)
+    print_rows(f"{scene.title}: {run.status}", [*result_rows(content), validity_row(run.validity)], notes)
     print_written(out, written, lacking)
 
 

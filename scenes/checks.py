@@ -7,6 +7,7 @@ from structural.dofs import rotation_images
 
 PRESTRAIN = 0.05  # over the rest length, in the reference configuration
 COINCIDENT = 1e-6  # m, as for mirror images
+ROUNDING = 1e-9  # of masses, relative
 
 
 def prestrained(nodes, chains):
@@ -16,6 +17,36 @@ def prestrained(nodes, chains):
         length = np.linalg.norm(np.diff(nodes[group.nodes], axis=1), axis=2).sum(axis=1)
         off = np.flatnonzero((group.l0 > 0.0) & (np.abs(length - group.l0) > PRESTRAIN * group.l0))
         found += [f"{group.names[e]} has {group.l0[e]:.3f} m for {length[e]:.3f} m" for e in off]
+    return found
+
+
+def free_line_ends(members):
+    """Lines that end in a node, not wholly fixed, to which nothing else is joined: pairs of element and node."""
+    joined, first = np.zeros(len(members.nodes), dtype=int), 0
+    ends: dict[int, int] = {}
+    for group in members.chains:
+        np.add.at(joined, group.nodes, 1)
+        for e, nodes in enumerate(group.nodes.tolist(), first):
+            if members.area[e] > 0.0:
+                ends |= {nodes[0]: e, nodes[-1]: e}
+        first += len(group)
+    if members.wing is not None:
+        joined[members.wing.tubes.ends] += 1
+        joined[members.wing.dependent_nodes] += 1
+    return [(e, n) for n, e in ends.items() if joined[n] == 1 and not members.fixed[n].all()]
+
+
+def bare_line_ends(members, loads, density):
+    """Free line ends without a load of the table and without more than half the mass of the line, `density` kg/m^3 that
+    of lines, as texts: hanging ropes, or lines that were to be joined to something.
+    """
+    loaded = {int(n) for load in loads for n in load.nodes}
+    length = np.concatenate([group.l0 for group in members.chains])
+    found = []
+    for e, n in free_line_ends(members):
+        own = 0.5 * density * members.area[e] * length[e]
+        if n not in loaded and members.mass[n] <= own * (1.0 + ROUNDING):
+            found.append(f"{members.names[e]} at node {members.labels[n]}")
     return found
 
 
@@ -52,7 +83,7 @@ def asymmetry(members, groups):
                 e, i = odd[0], rows[odd[0]]
                 one, two = (np.array2string(values[k], precision=12) for k in (e, i))
                 return f"{what} of {group.label(e)} is {one}, of {group.label(i)} {two}"
-    odd = np.flatnonzero(np.abs(members.mass - members.mass[image]) > 1e-9 * members.mass.max(initial=0.0))
+    odd = np.flatnonzero(np.abs(members.mass - members.mass[image]) > ROUNDING * members.mass.max(initial=0.0))
     if len(odd):
         a, b = odd[0], image[odd[0]]
         return f"mass at node {labels[a]} is {members.mass[a]:.6g} kg, at node {labels[b]} {members.mass[b]:.6g} kg"

@@ -36,15 +36,18 @@ SAME = 1e-9  # m, by which turned shapes differ with the machine that turned the
 
 @dataclass(frozen=True, eq=False)
 class SectionPolars:
-    """Polars `cl`, `cd`, `cm` (p,k) over `alpha` (k,) rad, and which of them each design section has, `polar`
-    (sections,), at `span` (sections,) m along the line of their quarter-chord points; `strips` (n,) m is the place on
-    this line that is nearest to the quarter-chord point of each strip.
+    """Polars `cl`, `cd`, `cm` (p,k) over `alpha` (k,) rad, their end values beyond the `ends` (p,2) rad of their data.
+
+    `polar` (sections,) is the one that each design section has, at `span` (sections,) m along the line of their
+    quarter-chord points; `strips` (n,) m is the place on this line that is nearest to the quarter-chord point of each
+    strip.
     """
 
     alpha: np.ndarray
     cl: np.ndarray
     cd: np.ndarray
     cm: np.ndarray
+    ends: np.ndarray
     polar: np.ndarray
     span: np.ndarray
     strips: np.ndarray
@@ -209,7 +212,8 @@ class Scene:
 
         options = {**self.aero.options, "camber": self.choices.camber_feedback == "on"}
         i, symmetric = self.interface, self.structure.symmetric
-        return wing_model(self.aero.method, Wing(i, options, symmetric, i.sections, i.fractions, self.strip_polars))
+        of_strips = i.sections, i.fractions, self.strip_polars
+        return wing_model(self.aero.method, Wing(i, options, symmetric, *of_strips, self.transient))
 
     @cached_property
     def lines_model(self) -> "AeroModel | None":
@@ -241,12 +245,24 @@ class Scene:
             raise SceneError(f"scene '{self.name}' has no polars: its scene.toml has no [wing].")
         p = self.polars
         tables = p.cl[p.polar], p.cd[p.polar], p.cm[p.polar]
-        return StripPolars.from_tables(p.alpha, *tables, p.span, p.strips)
+        return StripPolars.from_tables(p.alpha, *tables, p.span, p.strips, p.ends[p.polar])
 
     def remarks(self, outputs: dict[str, np.ndarray]) -> list[str]:
         """What the models of the flow have to say of their outputs."""
         models = [m for m in (self.wing_model, self.lines_model) if m is not None]
         return [remark for model in models for remark in model.remarks(outputs)]
+
+    def notes(self) -> list[str]:
+        """What is worth a line of its tables in every run."""
+        from .checks import bare_line_ends
+
+        bare = bare_line_ends(self.members, self.point_loads, self.structure.line_density / self.choices.scale)
+        if not bare:
+            return []
+        more = f" and {len(bare) - 6} more" if len(bare) > 6 else ""
+        return [
+            f"lines that end free, where nothing but their own weight and the wind pulls: {', '.join(bare[:6])}{more}"
+        ]
 
     def hints(self, parameters: Mapping[str, Any] | None = None) -> tuple[list[str], str]:
         """What looks odd in the structure with these parameters: elements far off their rest length in the design

@@ -21,4 +21,5 @@ def wing_model(wing):
 
     options = {name: wing.options[name] for name in (*OPTIONS, "camber")}
     grid = SurfaceGrid(wing.sections, wing.fractions)
-    return VortexStepModel(VortexStep(wing.polars(), grid, **options), wing.symmetric)
+    method = VortexStep(wing.polars(), grid, **options)
+    return VortexStepModel(method, wing.symmetric, wing.transient, wing.mesh.nodes)

@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 
 from aero.model import AeroModel, Flow, Response, StripLayout
-from interface import MIRROR, StepFailed, UprightPlane, Variable
+from interface import MIRROR, Criterion, StepFailed, UprightPlane, Variable
+from interface.validity import worst
 
 from .wing import VortexStep, WingSensitivity
 
@@ -16,24 +17,54 @@ POSITION_ASYMMETRY = 1e-9
 VELOCITY_ASYMMETRY = 1e-6
 # Part of the wind across the plane of symmetry that is rounding of its direction.
 WIND_ASYMMETRY = 1e-12
+# What the strips are judged by: name, quantity, limit, source.
+OF_STRIPS = (
+    ("stalled_strips", "stalled strips", 0.0, "section polars up to their largest lift; steady lifting lines have no "
+     "single answer beyond, docs/theory/aerodynamics.md"),
+    ("strips_beyond_polar", "strips beyond their polar", 0.0, "section polars: end values are held beyond"),
+)  # fmt: skip
+OF_MOTION = Criterion(
+    "reduced_frequency", "reduced frequency", 0.05,
+    "steady aerodynamics: ram-air thesis, section 4.3.1; Wright and Cooper (2008)",
+)  # fmt: skip
+OF_TIPS = Criterion(
+    "tip_span_lost", "tip span lost", 0.15, "a wing that has folded is another equilibrium: loads take 10 % of the tip "
+    "span of the V3 kite at 20 m/s, folding 28 % and more, docs/verification.md", percent=True,
+)  # fmt: skip
 
 
 class VortexStepModel(AeroModel):
     """A `VortexStep` wing in a uniform wind; the state is the circulation (n,) m^2/s, a warm start.
 
     One half is solved and mirrored where `symmetric` asks for it and flow, shape, motion and polars all are, in the
-    upright plane half way between the tips; here `symmetric` is its start value.
+    upright plane half way between the tips; here `symmetric` is its start value. In a `transient` case it says how fast
+    the circulation changes.
     """
 
     title = "the vortex-step method (a lifting line) with section polars"
 
-    def __init__(self, wing: VortexStep, symmetric: bool):
+    def __init__(self, wing: VortexStep, symmetric: bool, transient: bool = False, drawn: np.ndarray | None = None):
         self.wing = wing
+        self._drawn_tips = None if drawn is None else _tip_distance(drawn[wing.grid.sections])
         self.title = self.title if wing.induction else "strip theory with section polars"
         self.strips = StripLayout(wing.grid.sections, "alpha", "circulation", wing.polars)
         self._stall = wing.polars.stall_angles()
         self._mirrored_polars = wing.polars.mirrored()
-        self.variables = tuple(self._declared(float(symmetric)))
+        labels = tuple(f"strip {i}" for i in range(1, len(wing.grid.sections)))
+        self.criteria = tuple(Criterion(*given, labels=labels, whole=True) for given in OF_STRIPS)
+        self._moves = replace(OF_MOTION, labels=labels) if transient else None
+        self.variables = (*self._declared(float(symmetric)), *self._validity_variables())
+        self.criteria += () if self._moves is None else (self._moves,)
+        self.criteria += () if self._drawn_tips is None else (OF_TIPS,)
+
+    def _validity_variables(self):
+        """Last of all, so that what came before them keeps its place."""
+        for criterion in self.criteria:
+            yield criterion.variables("strip")[1]
+        if self._moves is not None:
+            yield from self._moves.variables("strip")
+        if self._drawn_tips is not None:
+            yield from OF_TIPS.variables()
 
     def _declared(self, symmetric):
         panels, strips = len(self.wing.grid.panels), len(self.wing.grid.sections) - 1
@@ -97,6 +128,7 @@ class VortexStepModel(AeroModel):
             )
         with np.errstate(all="ignore"):
             outputs = self._outputs(seen, loads) | {"symmetry_used": float(plane is not None)}
+            outputs |= self._reduced_frequency(seen, loads, state)
             total = loads.total_force(), loads.total_moment(seen.about)
             if plane is not None:
                 total = tuple(plane.outward(v) for v in total)
@@ -128,11 +160,16 @@ class VortexStepModel(AeroModel):
         if self.wing.camber:
             shift = out["camber_shift"] = -self.wing.grid.camber(sections, loads.strips.normal)[0]
         low, high = self._stall
-        at = found.alpha + shift
+        at, ends = found.alpha + shift, self.wing.polars.ends
+        tips = np.linalg.norm(bound[-1] - bound[0])
+        if self._drawn_tips is not None:
+            out[OF_TIPS.name] = max(0.0, 1.0 - tips / self._drawn_tips)
         return out | {
+            "stalled_strips_at": worst(np.maximum(at - high, low - at))[1],
+            "strips_beyond_polar_at": worst(np.maximum(at - ends[:, 1], ends[:, 0] - at))[1],
             "circulation": found.gamma,
             "span": np.ptp(sections @ mid_span_axis(sections)),
-            "tip_span": np.linalg.norm(bound[-1] - bound[0]),
+            "tip_span": tips,
             "strips_beyond_polar": np.count_nonzero(found.outside),
             "stalled_strips": np.count_nonzero((at < low) | (at > high)),
             "stall_viscosity": found.viscosity,
@@ -140,9 +177,27 @@ class VortexStepModel(AeroModel):
             "newton_iterations": found.newton_iterations,
         }
 
+    def _reduced_frequency(self, flow, loads, before):
+        """k = omega c / 2 U of the strip where it is largest, and which that is: omega is the change of its circulation
+        since the step before, `before` (n,) m^2/s, over the time and over the largest circulation of the wing, U the
+        speed of the air that it meets. Where loads swing between nothing and twice their mean at a frequency f, its
+        largest value is pi f c / U; smaller swings count by their part of the load, as their unsteadiness does.
+        """
+        if self._moves is None:
+            return {}
+        found = loads.circulation
+        largest = np.abs(found.gamma).max()
+        if before is None or flow.dt <= 0.0 or largest == 0.0:
+            k = np.zeros(1)
+        else:
+            moved = np.abs(found.gamma - before) / (largest * flow.dt)
+            k = 0.5 * moved * loads.strips.chord / np.where(found.speed > 0.0, found.speed, np.inf)
+        return dict(zip((self._moves.name, self._moves.place), worst(k), strict=True))
+
     def repeated(self, values):
         """See AeroModel."""
-        return {"newton_iterations": 0}
+        still = {} if self._moves is None else {self._moves.name: 0.0, self._moves.place: 0}
+        return {"newton_iterations": 0} | still
 
     def derivative(self, flow: Flow, values, state):
         """See AeroModel. Exact to rounding: the circulation follows by the implicit function theorem, all else by
@@ -188,6 +243,12 @@ class VortexStepModel(AeroModel):
         strips, rows = len(self.wing.grid.sections) - 1, self.wing.grid.rows
         columns = "front rear" if rows == 2 else " ".join(f"panel_{k + 1}" for k in range(rows))
         return [("strip", columns, [[i + k * strips for k in range(rows)] for i in range(1, strips + 1)])]
+
+
+def _tip_distance(sections):
+    """Distance m between the quarter-chord points of the outermost `sections` (n+1,k+1,3) m."""
+    left, right = (edge[0] + 0.25 * (edge[-1] - edge[0]) for edge in (sections[0], sections[-1]))
+    return float(np.linalg.norm(right - left))
 
 
 def _inward(flow, plane):

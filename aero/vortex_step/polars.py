@@ -1,9 +1,14 @@
 """Section polars: tables of cl, cd, cm over the angle of attack, one row a strip."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+
+# Fraction of the span to which a strip stands on a section: what rounding of the positions of a symmetric wing leaves.
+ON_SECTION = 1e-6
+FLAT = 1e-12  # change of lift between two table points that is rounding of a blend along the span
 
 
 @dataclass(frozen=True, eq=False)
@@ -11,19 +16,23 @@ class StripPolars:
     """Coefficients of every strip as functions of its own angle of attack.
 
     Monotone piecewise cubics (Fritsch and Carlson 1980) through the table points: no overshoot near stall, exact for
-    linear tables, continuous slope. Beyond the table the end value is held with zero slope and the strip is flagged.
+    linear tables, continuous slope. Beyond the table the end value is held with zero slope and the strip is flagged;
+    it is flagged too where a table that it is blended from has no data but its own end value.
 
-    `alpha` (k,) rad, increasing; `coefficients` (3 of cl, cd, cm; strips; k - 1; 4), highest power first.
+    `alpha` (k,) rad, increasing; `coefficients` (3 of cl, cd, cm; strips; k - 1; 4), highest power first; `ends`
+    (strips, 2) rad, the range in which all tables of the strip have data.
     """
 
     alpha: np.ndarray
     coefficients: np.ndarray
+    ends: np.ndarray
 
     @classmethod
-    def from_tables(cls, alpha, cl, cd, cm, span, strip_span):
+    def from_tables(cls, alpha, cl, cd, cm, span, strip_span, ends=None):
         """Polars of strips at `strip_span` (n,) from section tables (sections, k) that stand at `span` (sections,).
 
-        Shape-preserving along the span too; a strip outside the outermost sections takes the nearest one.
+        Shape-preserving along the span too; a strip outside the outermost sections takes the nearest one. A table has
+        data between its `ends` (sections, 2) rad, None: everywhere, and its end values beyond.
         """
         alpha = np.asarray(alpha, float)
         tables = np.stack([np.asarray(t, float) for t in (cl, cd, cm)])
@@ -31,12 +40,17 @@ class StripPolars:
         at = np.clip(np.asarray(strip_span, float), span[0], span[-1])
         one = len(span) == 1
         strips = np.repeat(tables, len(at), axis=1) if one else PchipInterpolator(span, tables, axis=1)(at)
-        pieces = PchipInterpolator(alpha, strips, axis=2).c  # (4, k - 1, 3, n)
-        return cls(alpha, np.ascontiguousarray(np.transpose(pieces, (2, 3, 1, 0))))
+        whole = alpha[[0, -1]]
+        ends = np.tile(whole, (len(at), 1)) if ends is None else _common_ends(np.clip(ends, *whole), span, at)
+        pieces = np.empty((3, len(at), len(alpha) - 1, 4))
+        for low, high in np.unique(ends, axis=0):
+            rows = np.flatnonzero((ends == (low, high)).all(axis=1))
+            pieces[:, rows] = _pieces(alpha, strips[:, rows], low, high)
+        return cls(alpha, pieces, ends)
 
     def of(self, strips):
         """Polars of the chosen `strips` (a slice) only."""
-        return StripPolars(self.alpha, self.coefficients[:, strips])
+        return StripPolars(self.alpha, self.coefficients[:, strips], self.ends[strips])
 
     def mirrored(self):
         """Whether strip i has the polars of strip n - 1 - i, so that half a wing gives the whole answer.
@@ -44,7 +58,8 @@ class StripPolars:
         To 1e-6 in cl, cd and cm at the table points: what rounding of the section positions makes of a symmetric wing.
         """
         values = self.coefficients[..., 3]
-        return bool(np.abs(values - values[:, ::-1]).max() <= 1e-6)
+        same = np.array_equal(self.ends, self.ends[::-1])
+        return same and bool(np.abs(values - values[:, ::-1]).max() <= 1e-6)
 
     def steepest_fall(self):
         """The largest loss of lift with angle at any table point, over all strips, per rad (0 where none falls)."""
@@ -65,8 +80,8 @@ class StripPolars:
                 return np.full(len(cl), none)
             return np.where(turned.any(axis=1), angles[turned.argmax(axis=1)], none)
 
-        low = first(self.alpha[zero:0:-1], np.diff(cl[:, zero::-1], axis=1) > 0.0, -np.inf)
-        high = first(self.alpha[zero:-1], np.diff(cl[:, zero:], axis=1) < 0.0, np.inf)
+        low = first(self.alpha[zero:0:-1], np.diff(cl[:, zero::-1], axis=1) > FLAT, -np.inf)
+        high = first(self.alpha[zero:-1], np.diff(cl[:, zero:], axis=1) < -FLAT, np.inf)
         return np.stack([low, high])
 
     def _piece(self, alpha):
@@ -75,15 +90,33 @@ class StripPolars:
         return inside - self.alpha[k], k, (alpha < self.alpha[0]) | (alpha > self.alpha[-1])
 
     def lift(self, alpha):
-        """cl (n,), its slope dcl/dalpha (n,) per rad, and whether alpha left the table (n,) bool."""
-        s, k, outside = self._piece(alpha)
+        """cl (n,), its slope dcl/dalpha (n,) per rad, and whether alpha left the data (n,) bool."""
+        s, k, beyond = self._piece(alpha)
         c3, c2, c1, c0 = self.coefficients[0, np.arange(len(k)), k].T
         cl = ((c3 * s + c2) * s + c1) * s + c0
-        slope = np.where(outside, 0.0, (3.0 * c3 * s + 2.0 * c2) * s + c1)
-        return cl, slope, outside
+        slope = np.where(beyond, 0.0, (3.0 * c3 * s + 2.0 * c2) * s + c1)
+        return cl, slope, (alpha < self.ends[:, 0]) | (alpha > self.ends[:, 1])
 
     def all(self, alpha):
         """cl, cd, cm stacked (3, n) at alpha (n,) rad."""
         s, k, _ = self._piece(alpha)
         c3, c2, c1, c0 = np.moveaxis(self.coefficients[:, np.arange(len(k)), k], -1, 0)
         return ((c3 * s + c2) * s + c1) * s + c0
+
+
+def _common_ends(ends, span, at):
+    """The range (n,2) rad in which the sections on either side of `at` (n,) have data: `ends` (sections,2) rad."""
+    near = ON_SECTION * np.ptp(span)
+    left = np.clip(np.searchsorted(span, at + near, side="right") - 1, 0, len(span) - 1)
+    right = np.clip(np.searchsorted(span, at - near, side="left"), 0, len(span) - 1)
+    low, high = ends.T
+    return np.stack([np.maximum(low[left], low[right]), np.minimum(high[left], high[right])], axis=1)
+
+
+def _pieces(alpha, values, low, high):
+    """Monotone cubics (3, n, k - 1, 4) through `values` (3,n,k) over `alpha` (k,): one curve between the angles `low`
+    and `high`, which the values held beyond do not bend, and one on either side of it.
+    """
+    cuts = sorted({0, *(int(np.argmin(np.abs(alpha - end))) for end in (low, high)), len(alpha) - 1})
+    parts = [PchipInterpolator(alpha[a : b + 1], values[..., a : b + 1], axis=2).c for a, b in pairwise(cuts)]
+    return np.transpose(np.concatenate(parts, axis=1), (2, 3, 1, 0))  # from (4, k - 1, 3, n)

@@ -36,6 +36,9 @@ left. Where there is no bound there is a dash; values outside are refused.</p>
 <table><tr><th>name</th><th>shape</th><th>unit</th><th>description</th></tr>
 {outputs}
 </table>
+<p>Steps that succeed say nothing of whether the model holds. <code>outside_validity</code> counts the quantities that
+are beyond what it is known to be good for; limits and their sources stand in the descriptions above, and
+<code>NAME_at</code> says where the largest value is, from 1, 0 for nowhere.</p>
 {scene}{reference}<h2>Steps that fail, values that are refused, states</h2>
 <p>A step that the solver cannot complete returns fmi2Discard and logs the reason (category logStatusDiscard); set other
 inputs or restore a state, then step on.{discarded}</p>

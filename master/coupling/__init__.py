@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from master.coupling.simulation import Simulation, simulate
     from master.coupling.stability import static_stability
     from master.coupling.start import with_start
+    from master.coupling.validity import Judgement, judgements
 
 __all__ = [
     "SCHEMES",
@@ -26,11 +27,13 @@ __all__ = [
     "Exchange",
     "FmuParticipant",
     "InProcessParticipant",
+    "Judgement",
     "Participant",
     "Run",
     "Simulation",
     "StepFailed",
     "coupled_run",
+    "judgements",
     "scheme",
     "simulate",
     "solve",
@@ -47,6 +50,7 @@ _MODULES = {
     "simulation": ("Simulation", "simulate"),
     "stability": ("static_stability",),
     "start": ("with_start",),
+    "validity": ("Judgement", "judgements"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -16,6 +16,7 @@ from master.coupling.participants import InProcessParticipant, Participant
 from master.coupling.participants.zero_loads import ZeroLoads
 from master.coupling.recovery import Recovery
 from master.coupling.steady import Goal, Search, Verdict, steady
+from master.coupling.validity import Judgement, judgements
 
 # Loosest and tightest structural tolerance inside the loop, N, and its share per metre of interface residual: looser
 # solves than 1e-4 N turn quasi-Newton columns into noise, and below 1e-8 N rounding of the forces takes over.
@@ -105,6 +106,10 @@ class Coupling(Exchange):
         finally:
             self.structural.restore(state)
             self.structural.free(state)
+
+    def validity(self) -> list[Judgement]:
+        """The present state judged by what each solver says of itself: up to where its models are known to be good."""
+        return judgements({"structural": self.structural, "aero": self.aero})
 
     def scalars(self) -> dict[str, float]:
         """All scalar outputs of both participants."""

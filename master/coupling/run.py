@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,8 @@ import numpy as np
 from master.coupling.acceleration import Scheme
 from master.coupling.equilibrium import CoupledResult, Coupling, solve
 from master.coupling.stability import Stability, static_stability
+from master.coupling.validity import Judgement
 
-# A wing whose tips are closer together than this part of their distance at the start has folded: loads draw those of
-# the V3 kite together to 0.90 of it at 20 m/s, folded ones are at 0.72 and less (docs/verification.md).
-FOLDED = 0.85
 # Change of C_L from the start, as a factor either way, that a kite which turns and deforms does not make: 0.5 to 1.6
 # are found on the intended branch.
 LIFT_JUMP = 3.0
@@ -22,7 +20,8 @@ LIFT_JUMP = 3.0
 @dataclass(frozen=True, eq=False)
 class Run:
     """A finished run: status, the coupled result, its stability (None: not asked for or not converged), the blocks of
-    both participants at the end, their causality, remarks worth a line, and how often each solver was called.
+    both participants at the end, their causality, remarks worth a line, how often each solver was called, and how far
+    the result lies within what its models are known to be good for.
     """
 
     status: str
@@ -33,6 +32,7 @@ class Run:
     causality: dict[str, dict[str, str]]
     remarks: list[str]
     evaluations: int
+    validity: list[Judgement] = field(default_factory=list)
 
 
 def coupled_run(
@@ -69,7 +69,8 @@ def coupled_run(
     remarks = _remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
     remarks += _branch_remarks(result.history)
     remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
-    return Run(status, message, result, judged, blocks, causality, remarks, coupling.evaluations)
+    evaluations, validity = coupling.evaluations, coupling.validity()
+    return Run(status, message, result, judged, blocks, causality, remarks, evaluations, validity)
 
 
 def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
@@ -83,16 +84,10 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
 
 def _branch_remarks(history: list[dict[str, float]]) -> list[str]:
     """Whether the end is far from the start, another equilibrium than the one meant, by the first and the last row."""
-    first, last = (history[k] if history else {} for k in (0, -1))
-    tips, lift = (tuple(row.get(f"aero.{name}", np.nan) for row in (first, last)) for name in ("tip_span", "CL"))
-    found = []
-    if tips[1] < FOLDED * tips[0]:
-        found.append(f"the tips are {tips[1]:.3g} m apart, {tips[0]:.3g} m at the start: a wing that has folded")
-    if lift[0] > 0.0 and not lift[0] / LIFT_JUMP <= lift[1] <= lift[0] * LIFT_JUMP:
-        found.append(
-            f"C_L is {lift[1]:.3g}, {lift[0]:.3g} at the start: perhaps another equilibrium than the one meant"
-        )
-    return found
+    first, last = (history[k].get("aero.CL", np.nan) if history else np.nan for k in (0, -1))
+    if first > 0.0 and not first / LIFT_JUMP <= last <= first * LIFT_JUMP:
+        return [f"C_L is {last:.3g}, {first:.3g} at the start: perhaps another equilibrium than the one meant"]
+    return []
 
 
 def _stability_remarks(judged: Stability | None) -> list[str]:

@@ -20,6 +20,7 @@ from master.coupling.march import GOOD, March, MarchResult, Steps, march
 from master.coupling.participants import Participant
 from master.coupling.participants.blocks import Limits
 from master.coupling.schemes import SCHEMES, scheme
+from master.coupling.validity import Judgement, Peaks
 
 # The flow first: serial, it sees the motion of the step before or, where steps are iterated, that of this one.
 FLOW, STRUCTURE = "aero", "structural"
@@ -146,6 +147,15 @@ class Simulation:
     steps: Steps = field(default_factory=Steps)
     evaluations: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
+    peaks: Peaks = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.peaks = Peaks(self.participants)
+
+    @property
+    def validity(self) -> list[Judgement]:
+        """The largest values at the end of any communication step, judged by what each side says of itself."""
+        return self.peaks.found
 
     @property
     def finished(self) -> bool:
@@ -239,6 +249,8 @@ def simulate(
     def accepted(time: float, found: FixedPointResult) -> None:
         run.time = time
         run.evaluations = exchange.evaluations
+        with contextlib.suppress(ValueError, RuntimeError):  # of a participant that has ended: the run will say so
+            run.peaks.take(time)
         try:
             if inputs is not None:
                 inputs.apply(run.participants, exchange.end)

@@ -58,6 +58,7 @@ def page(
     sides = scene.cores() if cores is None else cores
     variables = {f"{label}.{v.name}": v for label, core in sides.items() for v in core.variables}
     tables = [
+        _validity(run),
         _outputs(content, variables),
         *_structure(state.frame),
         _strips(state),
@@ -152,6 +153,17 @@ def _outputs(content: dict[str, Any], variables: dict[str, Any]) -> Table:
     return _table("Outputs", ["output", "value", "unit", "meaning"], rows)
 
 
+def _validity(run: "Run") -> Table:
+    header = ["quantity", "largest value", "limit", "where", "verdict", "source of the limit"]
+    rows = [
+        [j.criterion.quantity, j.criterion.text(j.value), j.criterion.text(j.criterion.limit), j.where,
+         "within" if j.within else "outside", j.criterion.source]
+        for j in run.validity
+    ]  # fmt: skip
+    marked = [i for i, j in enumerate(run.validity) if not j.within]
+    return _table("Validity: up to where the models are known to be good", header, rows, marked)
+
+
 def _settings(scene: Any, content: dict[str, Any]) -> Table:
     given = content.get("settings", {})
     rows = [[name, given[name], *about] for name, about in OPTIONS.items() if name in given]
@@ -173,13 +185,14 @@ def _parameters(run: "Run", content: dict[str, Any], variables: dict[str, Any]) 
 
 
 def _elements(title: str, frame: Frame, chosen: np.ndarray, state_of: Any) -> Table:
-    header = ["element", "nodes", "rest length, m", "length, m", "elongation, %", "tension, N", "state"]
+    header = ["element", "nodes", "rest length, m", "length, m", "strain, %", "EA, N", "tension, N", "state"]
     rows = []
     for i in chosen:
         rest = frame.rest_length[i]
-        stretch = 100.0 * (frame.length[i] / rest - 1.0) if rest > 0.0 else "\u2013"
+        stretch = 100.0 * frame.strain[i] if rest > 0.0 else "\u2013"
         path = " \u2013 ".join(frame.labels[n] for n in frame.chains[i])
-        rows.append([frame.names[i], path, rest, frame.length[i], stretch, frame.tension[i], state_of(i)])
+        rows.append([frame.names[i], path, rest, frame.length[i], stretch])
+        rows[-1] += [frame.axial_stiffness[i], frame.tension[i], state_of(i)]
     return _table(title, header, rows, np.flatnonzero(frame.slack[chosen]))
 
 
@@ -195,8 +208,7 @@ def _structure(frame: Frame | None) -> list[Table]:
         return "tension" if frame.tension[i] >= 0.0 else "compression"
 
     springs, canopy = frame.two_way & ~frame.canopy, np.flatnonzero(frame.canopy)
-    stretch = frame.length[canopy] / frame.rest_length[canopy] - 1.0
-    most = canopy[np.argsort(-np.round(stretch, TIE), kind="stable")[:MOST]]
+    most = canopy[np.argsort(-np.round(frame.strain[canopy], TIE), kind="stable")[:MOST]]
     slack = np.count_nonzero(frame.tension[canopy] <= 0.0)
     return [
         _elements("Lines", frame, np.flatnonzero(~frame.two_way), line),

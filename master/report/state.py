@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from master.coupling.run import Run
 
 
+OF_ELEMENTS = ("tension", "rest_length", "length", "strain", "axial_stiffness")
 LOOSE = 0.01  # of the largest line tension: below it a line holds little more than its own weight and the wind on it
 
 
@@ -28,9 +29,9 @@ class Frame:
 
     `reference` (n,3) m is the design shape, `undeformed` (n,3) m the same turned to the attitude of the result,
     `position` (n,3) m the result; `chains` lists the nodes of each of the e elements; `tension` (e,) N, `two_way` (e,)
-    bool, `rest_length` and `length` (e,) m; `supports` (n,) bool are nodes with a fixed direction. An inflatable wing
-    has `tubes`, the `strain` (e,) of its elements, and those that are its `canopy` (e,) bool, counted as two-way here
-    because they are no lines: they go slack where the fabric wrinkles.
+    bool, `rest_length` and `length` (e,) m, `strain` (e,) and `axial_stiffness` (e,) N, all as the structure says them;
+    `supports` (n,) bool are nodes with a fixed direction. An inflatable wing has `tubes`, and elements that are its
+    `canopy` (e,) bool, counted as two-way here because they are no lines: they go slack where the fabric wrinkles.
     """
 
     labels: tuple[str, ...]
@@ -44,9 +45,10 @@ class Frame:
     two_way: np.ndarray
     rest_length: np.ndarray
     length: np.ndarray
+    strain: np.ndarray
+    axial_stiffness: np.ndarray
     canopy: np.ndarray
     tubes: TubeState | None
-    strain: np.ndarray | None
 
     @property
     def slack(self) -> np.ndarray:
@@ -156,8 +158,7 @@ def final_state(scene: Any, run: "Run") -> FinalState:
         x, q = (heading.inward(v, values) for v, values in ((x, {}), (q, structural)))
         turn = float(np.arctan2(np.sum(x[:, 2] * q[:, 0] - x[:, 0] * q[:, 2]), np.sum(x[:, [0, 2]] * q[:, [0, 2]])))
         pivot = scene.members.labels[scene.pivot]
-    known = {"position", "tension", "rest_length"} <= structural.keys()
-    frame = _frame(scene, structural, turn, axes) if known else None
+    frame = _frame(scene, structural, turn, axes) if {"position", *OF_ELEMENTS} <= structural.keys() else None
     strips, degrees = _strips(scene, aero, surface, axes), None if turn is None else np.rad2deg(turn)
     return FinalState(surface, frame, strips, degrees, pivot, axes)
 
@@ -170,14 +171,12 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None, axes: 
     if turn is not None:
         undeformed = scene.heading.started(members.nodes, {**blocks, "trim_angle": turn})
     chains = [nodes for group in members.chains for nodes in group.nodes]
-    legs = [np.linalg.norm(np.diff(position[group.nodes], axis=1), axis=2) for group in members.chains]
-    length = np.concatenate([leg.sum(axis=1) for leg in legs])
     two_way = ~(members.area > 0.0)  # what is no line of the bridle: springs, canopy
     supports = members.fixed.any(axis=1)
     return Frame(
         members.labels, members.nodes, undeformed, position, supports,
-        members.names, chains, blocks["tension"], two_way, blocks["rest_length"], length,
-        canopy_springs(members), tube_state(members, blocks), blocks.get("strain"),
+        members.names, chains, blocks["tension"], two_way, blocks["rest_length"], blocks["length"],
+        blocks["strain"], blocks["axial_stiffness"], canopy_springs(members), tube_state(members, blocks),
     )  # fmt: skip
 
 

@@ -15,10 +15,21 @@ import numpy as np
 from master.report.panels import panel_loads
 from master.report.sections import COLUMNS, wing_sections
 from master.report.state import loose_lines
+from master.report.validity import validity_row
 from master.report.wing import wing_rows
 
 if TYPE_CHECKING:
     from master.coupling.run import Run
+
+
+# Block -> column of elements.csv.
+ELEMENTS = {
+    "tension": "tension_N",
+    "strain": "strain",
+    "rest_length": "rest_length_m",
+    "length": "length_m",
+    "axial_stiffness": "EA_N",
+}
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -69,10 +80,9 @@ def write_state(
         write_csv(folder / "nodes.csv", ["node", "x_m", "y_m", "z_m"], rows)
         written.append("nodes.csv")
     if "tension" in blocks:
-        values = [blocks[name] for name in ("tension", "strain") if name in blocks]
-        header = ["element", "tension_N", "strain"][: 1 + len(values)]
-        rows = [[n, *map(repr, map(float, v))] for n, *v in zip(names["tension"], *values, strict=True)]
-        write_csv(folder / "elements.csv", header, rows)
+        columns = {column: blocks[name] for name, column in ELEMENTS.items() if name in blocks}
+        rows = [[n, *map(repr, map(float, v))] for n, *v in zip(names["tension"], *columns.values(), strict=True)]
+        write_csv(folder / "elements.csv", ["element", *columns], rows)
         written.append("elements.csv")
     x = blocks["displacement"]
     rows = [
@@ -155,6 +165,7 @@ def summary(run: "Run", settings: dict[str, Any]) -> dict[str, Any]:
             "symmetric_motions_only": judged.symmetric_only,
         },
         "recoveries": [asdict(r) for r in result.recoveries],
+        "validity": [judgement.record() for judgement in run.validity],
         "remarks": run.remarks,
         "solver_calls": {"structural": run.evaluations, "aero": run.evaluations},
         "wall_time_s": {
@@ -190,6 +201,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         ("interface residual", _residual(result.residual, "m")),
         ("out-of-balance force", _residual(result.residual_N, "N")),
         ("statically stable", _stability_text(run)),
+        validity_row(run.validity),
         *(_flow_rows(scene, aero) if "wind_speed" in aero else []),
         ("force on supports", f"{_vector(structural['support_force'])} N, "
                               f"{np.linalg.norm(structural['support_force']):.2f} N in all"),
@@ -203,7 +215,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         weight = f"{abs(gravity) * mass:.2f} N{upwards}, " if "gravity" in structural else ""
         rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
-        rows.insert(7, ("lift over drag, with lines", f"{float(aero['glide_ratio']):.3f}"))
+        rows.insert(8, ("lift over drag, with lines", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural["tension"]
     lines = scene.members.names
     one_way = scene.members.area > 0.0

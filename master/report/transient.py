@@ -141,6 +141,7 @@ def summary(
         "messages": [{"step": number, "message": sentence} for number, sentence in steps.messages],
         "real_time_factor": (run.time - run.start) / seconds["total"] if seconds["total"] > 0.0 else None,
         "wall_time_s": {**seconds, **apart, "master": seconds["total"] - sum(apart.values())},
+        "validity": [judgement.record() for judgement in run.validity],
         "outputs": outputs,
         "settings": settings,
     }

@@ -37,10 +37,11 @@ def wing_file(surface: Surface) -> bytes:
 
 def structure_file(frame: Frame) -> bytes:
     """The elements as lines, a rope over sheaves as its legs: tension_N, slack (1 or 0), kind (0 spring, two-way;
-    1 line; 2 rope over sheaves; 4 canopy, tension only), rest_length_m and length_m of the whole element, its number.
+    1 line; 2 rope over sheaves; 4 canopy, tension only), rest_length_m, length_m, strain and axial_stiffness_N (EA) of
+    the whole element, its number.
 
     With the parts of the tubes of an inflatable wing behind them (kind 3; `tube` counts them, `element` is 0):
-    tube_load, the bending moment over that of collapse, and tube_strain, both 0 elsewhere, and strain, 0 for tubes.
+    tube_load, the bending moment over that of collapse, and tube_strain, both 0 elsewhere.
     """
     legs, element = frame.legs
     sheaves = np.array([len(chain) > 2 for chain in frame.chains])
@@ -53,6 +54,8 @@ def structure_file(frame: Frame) -> bytes:
         "kind": kind,
         "rest_length_m": frame.rest_length,
         "length_m": frame.length,
+        "strain": frame.strain,
+        "axial_stiffness_N": frame.axial_stiffness,
     }
     points = {
         "node": np.arange(1, len(frame.position) + 1),
@@ -62,8 +65,7 @@ def structure_file(frame: Frame) -> bytes:
     cells = {name: values[element] for name, values in data.items()}
     if frame.tubes is not None:
         tubes = frame.tubes
-        strain = np.zeros(len(frame.chains)) if frame.strain is None else frame.strain
-        cells |= {"strain": strain[element]} | dict.fromkeys(("tube", "tube_load", "tube_strain"), np.zeros(len(legs)))
+        cells |= dict.fromkeys(("tube", "tube_load", "tube_strain"), np.zeros(len(legs)))
         own = {
             "tube": np.arange(1, len(tubes.names) + 1),
             "kind": np.full(len(tubes.names), KINDS["tube"]),

@@ -7,6 +7,7 @@ import numpy as np
 
 from master.report.sections import wing_sections
 
+OF_TUBES = ("tube_load", "tube_strain", "tube_rest_length", "tube_length")
 SHOWN = 3  # largest values that are named
 ALIKE = 1e-4  # values this close, as part of the larger, count as one: left and right of a symmetric wing
 NAMED = 4  # most names that a row of the result gives one value
@@ -36,11 +37,10 @@ class TubeState:
 def tube_state(members: Any, blocks: dict[str, np.ndarray]) -> TubeState | None:
     """The tubes of a scene's `members` in the state `blocks`, None where there are none."""
     wing = getattr(members, "wing", None)
-    if wing is None or not {"tube_load", "tube_strain", "position"} <= blocks.keys():
+    if wing is None or not {*OF_TUBES, "position"} <= blocks.keys():
         return None
     t = wing.tubes
-    rest, length = (np.linalg.norm(x[t.ends[:, 1]] - x[t.ends[:, 0]], axis=1) for x in (wing.nodes, blocks["position"]))
-    return TubeState(t.names, t.tube, t.ends, t.radius, blocks["tube_load"], blocks["tube_strain"], rest, length)
+    return TubeState(t.names, t.tube, t.ends, t.radius, *(blocks[name] for name in OF_TUBES))
 
 
 def canopy_springs(members: Any) -> np.ndarray:

@@ -146,6 +146,7 @@ def _moved(run: Simulation, sides: dict[str, Any]) -> dict[str, Any]:
         "recoveries": sum(run.steps.recoveries),
         "histories": {STEPS: list(run.steps.iterations)},
         "displacement": np.ravel(structure.get("displacement")).tolist() if "displacement" in structure.blocks else [],
+        "outside_validity": sum(not j.within for j in run.validity),
         **_of_sides(sides),
     }
 
@@ -161,6 +162,7 @@ def _row(coupling: Coupling, result: CoupledResult) -> dict[str, Any]:
         "recoveries": len(result.recoveries),
         "histories": {name: [row.get(column) for row in history] for name, column in HISTORIES.items()},
         "displacement": np.ravel(result.displacement).tolist(),
+        "outside_validity": sum(not j.within for j in coupling.validity()),
     }
     for name in RECORDS:
         row["histories"][f"{name}_history"] = [h.get(name) for h in history]  # of the update that led there

@@ -79,6 +79,7 @@ def _flat(cell: Cell, row: dict[str, Any]) -> dict[str, Any]:
         "residual_m": row.get("residual_m"),
         "residual_N": row.get("residual_N"),
         **{name: row.get("outputs", {}).get(name) for name in OUTPUTS},
+        "outside_validity": row.get("outside_validity"),
         **{f"seconds_{name}": seconds.get(name) for name in SECONDS},
         "columns": _most(histories.get("columns_history")),
         "filtered": _total(histories.get("filtered_history")),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from interface import StepFailed, Variable
+from interface import Criterion, StepFailed, Variable
 from interface.variables import allowed, first_outside
 
 from ..schema import SceneError
@@ -50,6 +50,7 @@ class Solver:
     name: str = ""  # of the scene, for messages
     variables: tuple[Variable, ...] = ()
     inexact: tuple[str, ...] = ()  # parameters that no solution depends on but by its accuracy
+    criteria: tuple[Criterion, ...] = ()  # what its outputs are judged by
     refuses_derivatives: str = ""  # why there are no directional derivatives, if so
 
     def check(self, block: str, array: np.ndarray) -> None:
@@ -129,6 +130,11 @@ class Core:
     def names(self) -> tuple[str, ...]:
         """Names of all variables."""
         return tuple(self._by_name)
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """What the outputs are judged by: up to where the models are known to be good."""
+        return self.solver.criteria
 
     @property
     def offers_derivatives(self) -> bool:

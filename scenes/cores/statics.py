@@ -34,6 +34,7 @@ class Statics(Solver):
     def __init__(self, scene):
         self.name, self.model = scene.name, StructuralModel(scene)
         self.variables = tuple(static_variables(scene, self.model))
+        self.criteria = self.model.criteria
 
     def check(self, block, array):
         """See Solver."""

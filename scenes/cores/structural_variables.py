@@ -9,6 +9,7 @@ fixed = partial(Variable, causality="parameter", variability="fixed")
 output = partial(Variable, causality="output")
 switch = partial(tunable, kind="boolean", minimum=0.0, maximum=1.0)
 whole = partial(output, kind="integer")
+STRAIN = "elongation of the element over its rest length, negative where slack"
 
 
 def static_variables(scene, model):
@@ -26,7 +27,8 @@ def static_variables(scene, model):
     text = "directions in which the equilibrium is unstable under its loads, kept as they are"
     yield whole("unstable_modes", description=text)
     yield _symmetry_used(scene, model)
-    yield _rest_length(scene, model)
+    yield from _of_elements(scene, model)
+    yield from model.validity_variables()
     yield from start_azimuth(scene)
 
 
@@ -43,7 +45,8 @@ def transient_variables(scene, model):
     yield whole("integration_steps", description="steps of the integration in the last step")
     yield whole("newton_iterations", description="Newton iterations of the step")
     yield _symmetry_used(scene, model)
-    yield _rest_length(scene, model)
+    yield from _of_elements(scene, model)
+    yield from model.validity_variables()
     yield from start_azimuth(scene)
 
 
@@ -137,8 +140,7 @@ def _shape(scene):
     yield output("support_force", (3,), unit="N", description=text)
     if m.wing is None:
         return
-    text = "elongation of the element over its rest length, negative where slack"
-    yield of_element("strain", (len(m.names),), description=text)
+    yield of_element("strain", (len(m.names),), description=STRAIN)
     of_tube = partial(output, shape=(len(m.wing.tubes.names),), labels=m.wing.tubes.names, counts="tube")
     yield of_tube("tube_load", description="largest bending moment over the collapse moment")
     yield of_tube("tube_strain", description="strain of the fabric by normal force and bending")
@@ -175,18 +177,25 @@ def _symmetry_used(scene, model):
     return output("symmetry_used", kind="boolean", start=start, description="whether the last solve was of one half")
 
 
-def _rest_length(scene, model):
-    """Last of all, so that what came before it keeps its place."""
-    names = scene.members.names
-    of_element = partial(output, labels=names, counts="element", unit="m")
-    return of_element("rest_length", (len(names),), start=model.tapes.rest_lengths, description="rest length")
+def _of_elements(scene, model):
+    """Last of all, so that what came before them keeps its place."""
+    names, wing = scene.members.names, scene.members.wing
+    of_element = partial(output, shape=(len(names),), labels=names, counts="element")
+    yield of_element("rest_length", unit="m", start=model.tapes.rest_lengths, description="rest length")
+    yield of_element("length", unit="m", description="length, over all legs of a rope")
+    if wing is None:
+        yield of_element("strain", description=STRAIN)
+    text = "stiffness times rest length, EA: the tension over the strain where it is taut"
+    yield of_element("axial_stiffness", unit="N", description=text)
+    if wing is not None:
+        of_tube = partial(output, shape=(len(wing.tubes.names),), labels=wing.tubes.names, counts="tube", unit="m")
+        yield of_tube("tube_rest_length", description="rest length")
+        yield of_tube("tube_length", description="distance between its ends")
 
 
 def start_azimuth(scene):
     """The parameter of both sides that turns a kite to the wind, where it has a trim angle."""
     if scene.trim is not None:
-        text = (
-            "rigid rotation about the upright axis through the pivot in which the kite starts, after trim_angle; its "
-        )
-        text += "plane of symmetry turns with it"
+        text = "rigid rotation about the upright axis through the pivot in which the kite starts, after trim_angle; "
+        text += "its plane of symmetry turns with it"
         yield fixed("start_azimuth", unit="rad", minimum=-7.0, maximum=7.0, description=text)

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from interface.mirror import mirror_permutation
+from interface.validity import Criterion, outside, outside_variable, worst
 from interface.vectors import rotated
 from structural import (
     Assembly,
     Beams,
+    Configuration,
     Loads,
     Structure,
     breukels_tube,
@@ -20,17 +22,16 @@ from structural import (
     interface_groups,
     interface_loads,
     line_load_forces,
-    natural_deformations,
     reference_axes,
-    section_forces,
     surface_forces,
-    tensions,
 )
 
 from .heading import inward
 from .holding import held_place, held_structure
 from .symmetry import mirror_images, symmetric_groups, symmetric_state
 from .tapes import Tapes
+
+OF_CHAINS = ("tension", "length", "strain")  # outputs that are what chains measure
 
 
 class Memoised:
@@ -191,26 +192,72 @@ class StructuralModel:
         chains, or of others.
         """
         chains = self.chains(values) if chains is None else chains
-        tension = np.concatenate([tensions(x, c) for c in chains])
-        axes = self.heading.axes(values)
+        axes, groups = self.heading.axes(values), self.with_chains(values, chains)
+        measured = [group.measured(Configuration(x, rotations)) for group in groups]
+        of_chains = {k: np.concatenate([m[k] for m in measured[: len(chains)]]) for k in OF_CHAINS}
         out = {
             "position": self.heading.placed(x, axes),
             "displacement": self.heading.placed(self.interface.weights @ x, axes) - self.scene.interface.nodes,
-            "tension": tension,
             "rest_length": np.concatenate([c.l0 for c in chains]),
-            "slack_lines": np.count_nonzero((self.members.area > 0.0) & (tension <= 0.0)),
+            "axial_stiffness": np.concatenate([c.k * c.l0 for c in chains]),
+            "slack_lines": np.count_nonzero((self.members.area > 0.0) & (of_chains["tension"] <= 0.0)),
         }
-        wing = self.members.wing
-        if wing is None:
+        judged = self._judged(groups, measured)
+        out |= of_chains | self._verdict(judged)
+        if self.members.wing is None:
             return out
-        legs = [np.linalg.norm(np.diff(x[c.nodes], axis=1), axis=2).sum(axis=1) for c in chains]
-        load, strain = tube_state(x, rotations, self.beams(values)[0], wing.tubes.radius)
+        load, ends = judged["largest_moment_over_collapse"], self.members.wing.tubes.ends
         return out | {
-            "strain": np.concatenate([l / c.l0 - 1.0 for l, c in zip(legs, chains, strict=True)]),
             "tube_load": load,
-            "tube_strain": strain,
+            "tube_strain": judged["largest_tube_strain"],
             "collapsed_tubes": np.count_nonzero(load >= 1.0),
+            "tube_length": np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1),
+            "tube_rest_length": self.beams(values)[0].l0,
         }
+
+    # Up to where the model is known to be good
+
+    @cached_property
+    def _criteria(self) -> dict[Criterion, str]:
+        """What the elements are judged by -> what the places of its values count."""
+        try:
+            groups = self._structure.groups
+        except ValueError:  # of a pressure that no tube has: the check of start values says so
+            return {}
+        found = {}
+        for group in groups:
+            for criterion in group.criteria:
+                family = [g for g in groups if type(g) is type(group)]
+                labels = tuple(g.label(row) for g in family for row in range(len(g)))
+                found[replace(criterion, labels=labels)] = group.counted
+        return found
+
+    @property
+    def criteria(self):
+        """What the elements are judged by, with the names that places count."""
+        return tuple(self._criteria)
+
+    def validity_variables(self):
+        """The outputs that say how far the elements are within what they are known to be good for."""
+        for criterion, counted in self._criteria.items():
+            yield from criterion.variables(counted)
+        yield outside_variable()
+
+    def _judged(self, groups, measured):
+        """Name of criterion -> values of all elements of the families that have it, from what each group `measured`."""
+        found = [(type(g), len(g), g.judged(m)) for g, m in zip(groups, measured, strict=True)]
+        families = {name: family for family, _, values in found for name in values}
+        return {
+            name: np.concatenate([values.get(name, np.zeros(count)) for of, count, values in found if of is family])
+            for name, family in families.items()
+        }
+
+    def _verdict(self, judged):
+        """The outputs of `validity_variables`."""
+        out = {}
+        for criterion in self._criteria:
+            out[criterion.name], out[criterion.place] = worst(judged[criterion.name])
+        return out | {"outside_validity": outside(self._criteria, out)}
 
     def softened(self, chains, modulus):
         """The chains with lines of at most this modulus Pa; None where that changes none."""
@@ -241,15 +288,3 @@ def _section(radius, structure, law, pressure):
 
         return tip_deflection_tube(tube)
     return tube
-
-
-def tube_state(x, rotations, beams, radius):
-    """Moment over collapse moment (e,), and strain of the fabric (e,) far from the axis: |N| / EA + kappa r.
-
-    kappa is that of the larger end by the initial stiffness up to collapse, so a lower bound where the tube softens.
-    """
-    force = section_forces(x, rotations, beams)
-    natural = natural_deformations(x, rotations, beams)
-    full = beams.section.utilisation(force)
-    bend = np.linalg.norm(natural[:, 3:5] - natural[:, 1:3], axis=1) / beams.l0
-    return full, np.abs(force[:, 0]) / beams.section.EA + bend * radius

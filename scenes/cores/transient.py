@@ -83,6 +83,7 @@ class Transient(Solver):
         self.name, self.model = scene.name, StructuralModel(scene)
         self.variables = tuple(transient_variables(scene, self.model))
         self._start = scene.start
+        self.criteria = self.model.criteria
         self._scheme = SCHEMES[scene.choices.integration or scene.dynamics.scheme]
         # all masses go with the square of the scale, so what a metre of line weighs goes with the scale of its section
         self._density = scene.structure.line_density / scene.choices.scale

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..members import Tubes, WingMesh
 from ..schema import SceneError, StructureInput
+from .span_order import check_span_order
 from .tables import name, names, positive, read_table
 
 # An attachment this close to a station, as part of the chord, depends on the beam node there instead of on one of
@@ -23,16 +24,17 @@ def read_wing_mesh(
     fixed: np.ndarray,
     stations: int,
     subdivisions: int,
+    wind: tuple[float, ...],
 ) -> WingMesh:
     """The wing of the tables ribs, tubes and attachments: `stations` canopy cells along every chord, `subdivisions`
-    between neighbouring ribs.
+    between neighbouring ribs, which go from left to right as seen facing the `wind`.
 
     A tube from the leading to the trailing edge node of a rib is a strut: its beams end at the stations and where lines
     are attached. A tube between neighbouring leading edge nodes is part of the leading edge and is divided with the
     canopy. Raises `SceneError` in one sentence for whatever does not fit.
     """
     mesher = _Mesher(folder, structure, labels, nodes, fixed)
-    ribs = mesher.ribs()
+    ribs = mesher.ribs(wind)
     mesher.lay_grid(ribs, stations, subdivisions)
     mesher.lay_tubes(ribs, subdivisions)
     return mesher.finished()
@@ -66,7 +68,7 @@ class _Mesher:
     def rotation(self, node, hinged=""):
         return self.rotations.setdefault((node, hinged), len(self.rotations))
 
-    def ribs(self):
+    def ribs(self, wind):
         """Leading and trailing edge nodes (ribs, 2) from the left tip to the right one."""
         path = self.folder / self.structure.ribs
         table = read_table(path, {"leading_edge_node": name, "trailing_edge_node": name})
@@ -78,11 +80,7 @@ class _Mesher:
         for row, (le, te) in enumerate(ribs):
             if np.linalg.norm(points[te] - points[le]) == 0.0:
                 raise SceneError(f"{table.at(row)}: leading and trailing edge are one point; name two nodes apart.")
-        back = np.flatnonzero(np.diff(points[ribs].mean(axis=1)[:, 1]) <= 0.0)
-        if len(back):
-            raise SceneError(
-                f"{table.at(int(back[0]) + 1)}: ribs must go from the left tip (y < 0) to the right one; reorder them."
-            )
+        check_span_order(table, "ribs", points[ribs.T], wind)
         if len(np.unique(ribs)) < ribs.size:
             raise SceneError(f"{path.parent.name}/{path.name}: two ribs share a node; give each its own edges.")
         return ribs

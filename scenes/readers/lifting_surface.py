@@ -12,6 +12,8 @@ from ..members import Members
 from ..scene import SectionPolars
 from ..schema import SceneError, WingInput
 from .description import Description
+from .polars import at_common_angles, read_curves
+from .span_order import check_span_order
 from .tables import Table, name, number, read_table
 
 QUARTER = 0.25  # of the chord: where the lifting line is
@@ -71,29 +73,22 @@ def _struts(folder, scene, members):
             f"{table.at(int(row))}: the trailing edge lies upwind of the leading edge; swap the two nodes or turn "
             "wind_direction in scene.toml."
         )
-    y = members.nodes[struts, 1].mean(axis=1)
-    if np.any(np.diff(y) <= 0.0):
-        row = int(np.flatnonzero(np.diff(y) <= 0.0)[0]) + 1
-        raise SceneError(
-            f"{table.at(row)}: struts must go from the left tip (y < 0) to the right one; reorder the rows."
-        )
+    check_span_order(table, "struts", members.nodes[struts.T], scene.aero.wind_direction)
     return struts
 
 
-def read_sections(folder: Path, wing: WingInput) -> Table:
-    """The table of design sections, left tip first."""
+def read_sections(folder: Path, wing: WingInput, wind: tuple[float, ...]) -> Table:
+    """The table of design sections, left tip first as seen facing the `wind`."""
     columns: dict[str, Callable[[str], Any]] = {"section": name, "polar": name}
     columns |= {f"{side}_{axis}_m": number for side in ("le", "te") for axis in "xyz"}
     table = read_table(folder / wing.sections, columns)
     if len(table) < 2:
         raise SceneError(f"{table.path.parent.name}/{table.path.name} needs at least two sections; add one.")
-    edge = np.array([table[f"le_{axis}_m"] for axis in "xyz"]).T
-    same = np.flatnonzero(np.linalg.norm(np.diff(edge, axis=0), axis=1) == 0.0)
+    edges = design_edges(table, 1.0)
+    same = np.flatnonzero(np.all(np.diff(_quarter_chord(*edges), axis=0) == 0.0, axis=1))
     if len(same):
-        raise SceneError(f"{table.at(int(same[0]) + 1)}: the leading edge is that of the row above; move it.")
-    if edge[0, 1] >= edge[-1, 1]:
-        where = f"{table.path.parent.name}/{table.path.name}"
-        raise SceneError(f"{where}: sections must go from the left tip (y < 0) to the right one; reverse the rows.")
+        raise SceneError(f"{table.at(int(same[0]) + 1)}: the quarter chord is that of the row above; move the section.")
+    check_span_order(table, "sections", np.array(edges), wind)
     return table
 
 
@@ -104,44 +99,30 @@ def design_edges(sections: Table, scale: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float, interface: Interface) -> SectionPolars:
-    """The polars of the design sections of a wing at a scale, for the strips of its interface."""
-    columns = {"polar": name, "alpha_deg": number, "cl": number, "cd": number, "cm": number}
-    table = read_table(folder / wing.polars, columns)
-    polar = np.array(table["polar"])
-    values = np.array([table[c] for c in ("alpha_deg", "cl", "cd", "cm")])
-    label = f"{table.path.parent.name}/{table.path.name}"
-    curves: dict[str, np.ndarray] = {}
-    grid = values[0, polar == polar[0]]
-    for key in dict.fromkeys(table["polar"]):
-        rows = np.flatnonzero(polar == key)
-        alpha = values[0, rows]
-        falling = np.flatnonzero(np.diff(alpha) <= 0.0)
-        if len(alpha) < 2:
-            raise SceneError(f"{table.at(int(rows[0]))}: polar '{key}' has one angle only; give it at least two.")
-        if len(falling):
-            at = table.at(int(rows[falling[0] + 1]))
-            raise SceneError(f"{at}: alpha_deg of polar '{key}' does not increase; sort its rows by angle.")
-        if len(alpha) != len(grid) or np.max(np.abs(alpha - grid)) > 1e-9:
-            raise SceneError(f"{label}: polar '{key}' has other angles than the first one; use one list for all.")
-        curves[key] = values[1:, rows]
-    if np.abs(grid).max() <= 3.2 and max(np.abs(np.diff(c[0]) / np.diff(grid)).max() for c in curves.values()) > 1.0:
-        raise SceneError(f"{label}: alpha_deg goes from {grid[0]:g} to {grid[-1]:g} only; write degrees, not radians.")
+    """The polars of the design sections of a wing at a scale, at common angles, for the strips of its interface."""
+    curves = read_curves(folder / wing.polars)
     for row, key in enumerate(sections["polar"]):
         if key not in curves:
+            label = f"{folder.name}/{wing.polars}"
             raise SceneError(f"{sections.at(row)}: polar '{key}' is not in {label}; add it or correct the name.")
     used = list(dict.fromkeys(sections["polar"]))
-    cl, cd, cm = np.array([curves[key] for key in used]).transpose(1, 0, 2)
     polar = np.array([used.index(key) for key in sections["polar"]])
-    return SectionPolars(np.deg2rad(grid), cl, cd, cm, polar, *_places(*design_edges(sections, scale), interface))
+    alpha, cl, cd, cm, ends = at_common_angles([curves[key] for key in used])
+    span, strips = _places(*design_edges(sections, scale), interface)
+    return SectionPolars(alpha, cl, cd, cm, ends, polar, span, strips)
+
+
+def _quarter_chord(leading_edge, trailing_edge):
+    """Points (n,3) m of the lifting line."""
+    return leading_edge + QUARTER * (trailing_edge - leading_edge)
 
 
 def _places(leading_edge, trailing_edge, interface):
     """Where the design sections and the strips of the interface lie on the quarter-chord line of the design, m from its
     left end. A strip lies where this line comes nearest, as the structure may be shorter or longer than the design.
     """
-    line = leading_edge + QUARTER * (trailing_edge - leading_edge)
-    edges = interface.nodes[interface.sections[:, [0, -1]]]
-    quarter = edges[:, 0] + QUARTER * (edges[:, 1] - edges[:, 0])
+    line = _quarter_chord(leading_edge, trailing_edge)
+    quarter = _quarter_chord(*interface.nodes[interface.sections[:, [0, -1]].T])
     span = arc_length(line)
     station = nearest_stations(0.5 * (quarter[1:] + quarter[:-1]), line)
     return span, np.interp(station, np.arange(len(line)), span)

@@ -11,7 +11,9 @@ from scipy.sparse.csgraph import connected_components
 
 from structural import Chains
 
-from ..members import Members
+from ..checks import free_line_ends
+from ..interface import Interface
+from ..members import Members, PointLoad
 from ..schema import Choices, SceneError, StructureInput
 from .elements import Element, canopy_bending, canopy_quads, lines, mass_shares, point_masses, springs
 from .inflatable_wing import read_wing_mesh
@@ -25,17 +27,19 @@ _TUBE_SETTINGS = ("canopy_stations", "canopy_subdivisions", "tube_law")
 _STRUT_SETTINGS = ("chord", "panels_per_section")
 
 
-def read_members(folder: Path, structure: StructureInput, choices: Choices, offered: Iterable[str]) -> Members:
-    """All members of the [structure] section, checked: missing and duplicate nodes and names, dangling lines.
+def read_members(
+    folder: Path, structure: StructureInput, choices: Choices, offered: Iterable[str], wind: tuple[float, ...]
+) -> Members:
+    """All members of the [structure] section, checked: missing and duplicate nodes and names, parts that nothing holds.
 
-    `offered` are the names of the settings that the scene has.
+    `offered` are the names of the settings that the scene has, `wind` its direction, which tells left from right.
     """
     check_wing_keys(folder, structure, choices, offered)
     labels, nodes, fixed = _nodes(folder / structure.nodes)
     wing = None
     if structure.tubes:
         mesh = choices.canopy_stations, choices.canopy_subdivisions
-        wing = read_wing_mesh(folder, structure, labels, nodes, fixed, *mesh)
+        wing = read_wing_mesh(folder, structure, labels, nodes, fixed, *mesh, wind)
         labels, nodes = wing.labels, wing.nodes
         fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
     table_index = {label: i for i, label in enumerate(labels)}
@@ -145,6 +149,7 @@ def _grouped(elements):
                 np.array([e.k for e in part], float),
                 np.array([e.two_way for e in part], bool),
                 tuple(e.name for e in part),
+                canopy=np.array([e.fabric for e in part], bool) if any(e.fabric for e in part) else None,
             )
         )
     return tuple(groups), np.array([elements[i].area for i in order])
@@ -189,35 +194,45 @@ def wing_masses(folder, structure, wing):
 
 
 def check_connected(folder, structure, labels, fixed, elements, wing):
-    """Every free node needs two elements, or one rope running over it: otherwise a line dangles. Whatever hangs
-    together must be held somewhere.
-    """
-    held = np.zeros(len(labels))
+    """Every free node belongs to an element, and whatever hangs together is held somewhere."""
     joined = [e.nodes for e in elements]
-    for e in elements:
-        for i, n in enumerate(e.nodes):
-            held[n] += 2.0 if 0 < i < len(e.nodes) - 1 or e.two_way or e.fabric else 1.0
     if wing is not None:
-        held[wing.tubes.ends] += 2.0
-        held[wing.dependent_nodes] += 2.0
         links = zip(wing.dependent_nodes, wing.rotation_nodes[wing.link_rotations], strict=True)
         joined += [*map(tuple, wing.tubes.ends), *links]
+    used = np.zeros(len(labels), dtype=bool)
+    used[[n for nodes in joined for n in nodes]] = True
     for n, label in enumerate(labels):
-        if held[n] == 0.0 and not fixed[n].all():
+        if not used[n] and not fixed[n].all():
             raise SceneError(
                 f"{folder.name}/{structure.nodes}: node '{label}' belongs to no element; connect or remove it."
             )
-        if held[n] == 1.0 and not fixed[n].all():
-            line = next(e.name for e in elements if n in e.nodes)
-            where = f"{folder.name}/{structure.lines}"
-            raise SceneError(f"{where}: line '{line}' dangles at node '{label}'; connect that end or fix the node.")
     pairs = np.array([pair for nodes in joined for pair in pairwise(nodes)]).T
     graph = sp.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(labels), len(labels)))
     count, part = connected_components(graph, directed=False)
     supported = np.bincount(part, fixed.any(axis=1), minlength=count) > 0.0
     for n, label in enumerate(labels):
-        if not supported[part[n]] and held[n] > 0.0:
+        if not supported[part[n]] and used[n]:
             raise SceneError(
                 f"{folder.name}/{structure.nodes}: the part with node '{label}' hangs on no fixed node; connect it "
                 "to the rest or fix one of its nodes."
+            )
+
+
+def check_line_ends(
+    folder: Path, structure: StructureInput, members: Members, loads: Iterable[PointLoad], interface: Interface
+) -> None:
+    """`SceneError` in one sentence where a line ends in a free node on which nothing else pulls: no other element, no
+    mass, no load of the table, no part of the interface and so no flow. Such a line can only be slack.
+    """
+    acted = members.mass > 0.0
+    acted[interface.weights.indices] = True
+    for load in loads:
+        acted[load.nodes] = True
+    for element, node in free_line_ends(members):
+        if not acted[node]:
+            line, table = members.names[element], read_table(folder / str(structure.lines), {"name": name})
+            raise SceneError(
+                f"{table.at(table['name'].index(line))}: line '{line}' dangles at node '{members.labels[node]}', where "
+                "nothing pulls; connect that end or fix the node, or give it weight (masses, line_density) or a load "
+                "(loads)."
             )

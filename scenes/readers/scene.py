@@ -12,12 +12,14 @@ from ..scene import Scene, Source
 from ..schema import SceneError, Setting
 from .description import Description, offered, read_description
 from .lifting_surface import design_edges, read_polars, read_sections, read_struts
-from .members import read_members
+from .members import check_line_ends, read_members
 from .point_loads import read_loads
 from .tables import Table
 
 BUILT_IN = Path(__file__).resolve().parents[1]
 _TABLES = ("nodes", "springs", "canopy", "lines", "masses", "ribs", "tubes", "attachments", "loads")  # of [structure]
+
+_DOWNWIND = (1.0, 0.0, 0.0)  # x, where a scene has no wind
 
 
 def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
@@ -25,11 +27,14 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     folder = _folder(scene)
     read = read_description(folder, settings or {})
     read = _scaled(folder, read)
-    members = read_members(folder, read.structure, read.choices, read.offers)
+    wind = _DOWNWIND if read.aero is None else read.aero.wind_direction
+    members = read_members(folder, read.structure, read.choices, read.offers, wind)
     struts = read_struts(folder, read, members)
     wing = read.wing
-    sections = None if wing is None else read_sections(folder, wing)
-    pivot, interface = read.structure.pivot, _interface(read, members, struts, sections)
+    sections = None if wing is None else read_sections(folder, wing, wind)
+    loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
+    interface = _interface(read, members, struts, sections)
+    check_line_ends(folder, read.structure, members, loads, interface)
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
@@ -48,7 +53,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         interface,
         struts,
         polars,
-        read_loads(folder, read.structure, members),
+        loads,
         None if pivot is None else members.node(pivot, f"{folder.name}/scene.toml [structure] pivot"),
         Source(folder, _files(read), read.offers),
     )

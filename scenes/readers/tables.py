@@ -77,7 +77,7 @@ def _numbered(reader: Any) -> list[tuple[int, list[str]]]:
     """The rows with content, each with the line of the file where it begins."""
     rows, begin = [], 1
     for row in reader:
-        if any(cell.strip() for cell in row):
+        if any(map(str.strip, row)):
             rows.append((begin, row))
         begin = reader.line_num + 1
     return rows
@@ -105,18 +105,28 @@ def read_table(path: Path, columns: Mapping[str, Callable[[str], Any]]) -> Table
         )
     if len(rows) == 1:
         raise SceneError(f"{label} has a header but no rows; add at least one.")
-    values: dict[str, list[Any]] = {c: [] for c in columns}
     place = {c: header.index(c) for c in columns}
-    for line, row in rows[1:]:
+    try:
+        if any(len(row) != len(header) for _, row in rows[1:]):
+            raise ValueError
+        values = {c: [convert(row[place[c]].strip()) for _, row in rows[1:]] for c, convert in columns.items()}
+    except ValueError:
+        raise SceneError(_first_fault(label, header, rows[1:], columns)) from None
+    return Table(path, values, [line for line, _ in rows[1:]])
+
+
+def _first_fault(
+    label: str, header: list[str], rows: list[tuple[int, list[str]]], columns: Mapping[str, Callable[[str], Any]]
+) -> str:
+    """What is wrong in the first of the rows that is, and the remedy."""
+    for line, row in rows:
         if len(row) != len(header):
-            raise SceneError(
-                f"{label} row {line} has {len(row)} cells where the header has {len(header)}; mend the row."
-            )
+            return f"{label} row {line} has {len(row)} cells where the header has {len(header)}; mend the row."
         for column, convert in columns.items():
-            cell = row[place[column]].strip()
+            cell = row[header.index(column)].strip()
             try:
-                values[column].append(convert(cell))
+                convert(cell)
             except ValueError:
                 meaning = _MEANING.get(convert, "a valid value")
-                raise SceneError(f"{label} row {line}: {column} '{cell}' is not {meaning}; correct the cell.") from None
-    return Table(path, values, [line for line, _ in rows[1:]])
+                return f"{label} row {line}: {column} '{cell}' is not {meaning}; correct the cell."
+    return f"{label} has a row that cannot be read; correct it."

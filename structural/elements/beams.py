@@ -15,7 +15,7 @@ chord and triads, the element needs no co-rotated frame.
 """
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class Beams(ElementGroup):
     l0: np.ndarray
     section: Any
     names: tuple[str, ...] = field(default=())
+    counted: ClassVar[str] = "beam"
 
     def dofs(self, node_count):
         """Dofs (e,12): position and spin of either end."""
@@ -63,6 +64,22 @@ class Beams(ElementGroup):
     def forces_and_tangents(self, at):
         """See ElementGroup."""
         return beam_forces_and_tangents(at.x, at.rotations, self)
+
+    @property
+    def criteria(self):
+        """See ElementGroup: those of the section."""
+        return self.section.criteria
+
+    def measured(self, at):
+        """See ElementGroup: by name what the section is judged by."""
+        if not self.criteria:
+            return {}
+        natural = natural_deformations(at.x, at.rotations, self)
+        return self.section.judged(self.section.response(natural, self.l0)[0], natural, self.l0)
+
+    def judged(self, measured):
+        """See ElementGroup."""
+        return measured
 
     def stiffness(self, at):
         """None that counts: shifted by that along their axes, slow modes of bending would look stiff."""

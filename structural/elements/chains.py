@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from interface.validity import Criterion
+
 from .contract import ElementGroup
 
 # Radius of the knob at a sheave and at the ends of a rope, relative to the rest length of the rope: some millimetres on
@@ -21,6 +23,19 @@ TOUCH = 1e-10
 # of a line that becomes taut at speed would jump else, and an implicit step over the jump would have no solution.
 ONSET = 1e-5
 
+# Strain above which the stiffness of lines is not that of lines any more, and that of springs in place of a canopy.
+LINE_STRAIN = Criterion(
+    "largest_line_strain",
+    "line strain",
+    0.01,
+    "LEI thesis, section 5.2.1: lines stretch by less than 1 %",
+    percent=True,
+)
+CANOPY_STRAIN = Criterion(
+    "largest_canopy_strain", "canopy strain", 0.01, "LEI thesis, section 7.1: every element stretches by less than 1 %",
+    percent=True,
+)  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Chains(ElementGroup):
@@ -29,6 +44,7 @@ class Chains(ElementGroup):
     `nodes` (e, m) indices along the rope, `l0` (e,) rest length m (0 is allowed for springs), `k` (e,) stiffness N/m of
     the whole element, `two_way` (e,) bool: also takes compression, `names` (e,). In motion `c` (e,) N s/m is the
     viscous damping of the rate of its length (None: none), over that of its rest length, `l0_rate` (e,) m/s (None: 0).
+    `canopy` (e,) bool are elements that stand for fabric (None: none); the others that cannot push are lines.
     """
 
     nodes: np.ndarray
@@ -38,6 +54,7 @@ class Chains(ElementGroup):
     names: tuple[str, ...] = field(default=())
     c: np.ndarray | None = None
     l0_rate: np.ndarray | None = None
+    canopy: np.ndarray | None = None
 
     def __post_init__(self):
         if self.c is not None and np.any(self.c < 0.0):
@@ -82,6 +99,31 @@ class Chains(ElementGroup):
     def changing_work(self, after, begin, end):
         """See ElementGroup; exact where stretch, rest length and stiffness go linearly from one end to the other."""
         return reeling_work(begin.x, end.x, self, after)
+
+    @property
+    def criteria(self):
+        """See ElementGroup."""
+        kinds = (LINE_STRAIN, self._lines), (CANOPY_STRAIN, self.canopy)
+        return tuple(criterion for criterion, rows in kinds if rows is not None and rows.any())
+
+    def measured(self, at):
+        """See ElementGroup: `length` m over all legs of a rope, as its law has it, `tension` N, and `strain`, the
+        elongation over the rest length, negative where slack, 0 without rest length.
+        """
+        length = _legs(at.x, self)[1].sum(axis=1)
+        some = self.l0 > 0.0
+        strain = np.where(some, length / np.where(some, self.l0, 1.0) - 1.0, 0.0)
+        return {"length": length, "tension": _tension(length, self)[0], "strain": strain}
+
+    def judged(self, measured):
+        """See ElementGroup."""
+        strain = measured["strain"]
+        found = {LINE_STRAIN.name: np.where(self._lines, strain, 0.0)}
+        return found if self.canopy is None else found | {CANOPY_STRAIN.name: np.where(self.canopy, strain, 0.0)}
+
+    @property
+    def _lines(self):
+        return ~self.two_way if self.canopy is None else ~(self.two_way | self.canopy)
 
     def undamped(self):
         """See ElementGroup."""
@@ -132,11 +174,11 @@ def tensions(x, chains):
     frictionless rope has the same tension in all of its legs.
     """
     _, l, _, _ = _legs(x, chains)
-    return _tension(l, chains)[0]
+    return _tension(l.sum(axis=1), chains)[0]
 
 
-def _tension(l, chains):
-    stretch = l.sum(axis=1) - chains.l0
+def _tension(length, chains):
+    stretch = length - chains.l0
     tension = np.where(chains.two_way | (stretch > 0.0), chains.k * stretch, 0.0)
     return tension, chains.two_way | (stretch > -TOUCH * chains.l0)
 
@@ -144,7 +186,7 @@ def _tension(l, chains):
 def chain_energy(x, chains):
     """Strain energy J of all elements, sum of k <stretch>^2 / 2."""
     _, l, _, _ = _legs(x, chains)
-    t, _ = _tension(l, chains)
+    t, _ = _tension(l.sum(axis=1), chains)
     return float(np.sum(0.5 * t * t / chains.k))
 
 
@@ -159,7 +201,7 @@ def _length_gradient(u):
 def chain_forces(x, chains):
     """Internal forces N (e, m, 3) on the nodes of every element: the gradient of its strain energy, T dL/dx."""
     u, l, _, _ = _legs(x, chains)
-    t, _ = _tension(l, chains)
+    t, _ = _tension(l.sum(axis=1), chains)
     return t[:, None, None] * _length_gradient(u)
 
 
@@ -171,7 +213,7 @@ def chain_forces_and_tangents(x, chains):
     of zero rest length gives k I even at zero length.
     """
     u, l, safe, jammed = _legs(x, chains)
-    t, active = _tension(l, chains)
+    t, active = _tension(l.sum(axis=1), chains)
     per_length = np.where(l > 0.0, t[:, None] / safe, 0.0)
     g = _length_gradient(u)
     if g.shape[1] == 2:

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from interface.mirror import canonical_chains, paired_rows
+from interface.validity import Criterion
 
 # Part of a change of elements over which the rate of their strain energy is a central difference: accurate to 1e-12 by
 # rounding, and to its square where the energy is no polynomial of second degree.
@@ -40,6 +41,7 @@ class ElementGroup:
 
     nodes: np.ndarray
     names: tuple[str, ...] = ()
+    counted: ClassVar[str] = "element"  # what one of them is called
 
     def __len__(self):
         return len(self.nodes)
@@ -152,6 +154,23 @@ class ElementGroup:
         own = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         numbers = {k: a for k, a in own.items() if isinstance(a, np.ndarray) and a.dtype.kind == "f"}
         return replace(self, **{k: a + share * (getattr(after, k) - a) for k, a in numbers.items()})
+
+    # Up to where they are known to be good
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """What its elements are judged by; here nothing."""
+        return ()
+
+    def measured(self, at) -> dict[str, np.ndarray]:
+        """What the elements carry and how far they stretch in a configuration, name -> values (e,): all that they are
+        judged by, and what else is worth showing.
+        """
+        return {}
+
+    def judged(self, measured) -> dict[str, np.ndarray]:
+        """Name of each of the `criteria` -> values (e,) of the elements, from what was `measured`."""
+        return {}
 
     # Variants of them
 

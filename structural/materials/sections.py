@@ -12,6 +12,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from interface.validity import Criterion
+
 _PLANES = ((1, 3), (2, 4))  # rows of theta_1, theta_2 in the planes that bend about n and b
 _TWIST = np.zeros((6, 6))
 _TWIST[1, 4] = _TWIST[4, 1] = -1.0
@@ -72,6 +74,15 @@ class Section:
         parts = {f.name: getattr(self, f.name) for f in fields(self)}
         chosen = {k: v[rows] if isinstance(v, np.ndarray) else v.select(rows) for k, v in parts.items()}
         return replace(self, **chosen)
+
+    @property
+    def criteria(self) -> tuple[Criterion, ...]:
+        """What the elements are judged by; here nothing."""
+        return ()
+
+    def judged(self, force, natural, l0) -> dict[str, np.ndarray]:
+        """Name of each of the `criteria` -> values (e,), from section forces and natural deformations (e,6)."""
+        return {}
 
 
 @dataclass(frozen=True, eq=False)

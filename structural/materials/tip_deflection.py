@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .sections import Section, coupled, shortening
+from .tubes import TUBE_CRITERIA, judged_tubes, largest_moments
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +23,8 @@ class TipDeflectionSection(Section):
     A: np.ndarray
     B: np.ndarray
     collapse: np.ndarray  # N m
+    radius: np.ndarray  # m
+    wrinkling: np.ndarray  # N m
 
     def _secant(self, v):
         """EI (e,) N m^2 and its slope over the deflection v (e,) of a beam of 1 m."""
@@ -79,13 +82,20 @@ class TipDeflectionSection(Section):
 
     def utilisation(self, force):
         """Largest bending moment of each element relative to its collapse moment (e,), from section forces (e,6)."""
-        m = force[:, 1:5].reshape(-1, 2, 2)
-        return np.sqrt(np.einsum("eik,eik->ei", m, m)).max(axis=1) / self.collapse
+        return largest_moments(force) / self.collapse
+
+    @property
+    def criteria(self):
+        """See Section."""
+        return TUBE_CRITERIA
+
+    def judged(self, force, natural, l0):
+        """See Section."""
+        return judged_tubes(self, force, natural, l0)
 
 
 def tip_deflection_tube(tube):
     """The thesis' law for the fits behind a section made by `breukels_tube`."""
     law = tube.bending
-    return TipDeflectionSection(
-        tube.EA, tube.kGA, tube.peak, tube.rate, law.scale * law.A, law.scale * law.B, law.collapse
-    )
+    fits = law.scale * law.A, law.scale * law.B, law.collapse
+    return TipDeflectionSection(tube.EA, tube.kGA, tube.peak, tube.rate, *fits, tube.radius, tube.wrinkling)

@@ -13,6 +13,8 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from interface.validity import Criterion
+
 from .sections import Section, coupled, linear_shear, shortening
 
 # Beyond collapse the tangent stiffness is this part of the initial EI (or what the law has left, if less). No source
@@ -22,6 +24,20 @@ AFTER_COLLAPSE = 0.02
 _POINTS = 9
 # Newton iterations for the end moments, and the relative change that ends them.
 _MAX_ITERATIONS, _TOLERANCE = 60, 1e-12
+
+# What inflated tubes are judged by. A tube begins to wrinkle where bending has taken the tension of the pressure on one
+# side, at p pi r^3 / 2 whatever its law; up to there it is a beam, and from there on it softens towards its collapse.
+TUBE_CRITERIA = (
+    Criterion("largest_moment_over_wrinkling", "tube moment over wrinkling moment", 1.0, "Comer and Levy (1963)"),
+    Criterion(
+        "largest_moment_over_collapse", "tube moment over collapse moment", 1.0,
+        "Breukels (2011), LEI thesis, section 5.2.2",
+    ),
+    Criterion(
+        "largest_tube_strain", "tube strain", 0.01, "LEI thesis, section 7.1: every element stretches by less than 1 %",
+        percent=True,
+    ),
+)  # fmt: skip
 
 
 def _lobatto(count):
@@ -50,7 +66,8 @@ class BendingLaw(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TubeSection(Section):
-    """Section of inflated tubes, arrays (e,): shear `kGA` N, `EA` N, torque T = peak atan(rate phi').
+    """Section of inflated tubes, arrays (e,): shear `kGA` N, `EA` N, torque T = peak atan(rate phi'); `radius` m and
+    the moment `wrinkling` N m at which the fabric begins to wrinkle.
 
     The end moments follow from the rotations by the flexibility of the element, theta_1 = -int (1 - xi) kappa l0 dxi
     and theta_2 = int xi kappa l0 dxi (plus shear) with the linear moment M = -(1 - xi) m_1 + xi m_2: exact for one
@@ -62,6 +79,8 @@ class TubeSection(Section):
     peak: np.ndarray  # N m
     rate: np.ndarray  # m
     bending: BendingLaw
+    radius: np.ndarray  # m
+    wrinkling: np.ndarray  # N m
 
     def response(self, natural, l0):
         """Forces (e,6) and tangents (e,6,6) at the natural deformations (e,6)."""
@@ -151,8 +170,39 @@ class TubeSection(Section):
 
     def utilisation(self, force):
         """Largest bending moment of each element relative to its collapse moment (e,), from section forces (e,6)."""
-        m = force[:, 1:5].reshape(-1, 2, 2)
-        return np.sqrt(np.einsum("eik,eik->ei", m, m)).max(axis=1) / self.bending.collapse
+        return largest_moments(force) / self.bending.collapse
+
+    @property
+    def criteria(self):
+        """See Section."""
+        return TUBE_CRITERIA
+
+    def judged(self, force, natural, l0):
+        """See Section."""
+        return judged_tubes(self, force, natural, l0)
+
+
+def largest_moments(force):
+    """The larger bending moment N m (e,) of both ends of each element, from section forces (e,6)."""
+    m = force[:, 1:5].reshape(-1, 2, 2)
+    return np.sqrt(np.einsum("eik,eik->ei", m, m)).max(axis=1)
+
+
+def judged_tubes(section, force, natural, l0):
+    """Values (e,) of the TUBE_CRITERIA from section forces and natural deformations (e,6).
+
+    The strain is that of the fabric far from the axis, |N| / EA + kappa r, with kappa of the larger end by the initial
+    stiffness up to collapse, so a lower bound where the tube softens.
+    """
+    bend = np.linalg.norm(natural[:, 3:5] - natural[:, 1:3], axis=1) / l0
+    strain = np.abs(force[:, 0]) / section.EA + bend * section.radius
+    values = largest_moments(force) / section.wrinkling, section.utilisation(force), strain
+    return dict(zip((c.name for c in TUBE_CRITERIA), values, strict=True))
+
+
+def wrinkling_moment(pressure, radius):
+    """Moment N m at which bending begins to wrinkle a tube, p pi r^3 / 2 (Comer and Levy 1963)."""
+    return 0.5 * np.pi * pressure * radius**3
 
 
 # Constants of Breukels (2011), "An engineering methodology for kite design", as in the LEI thesis, table 5.1: pressure
@@ -315,7 +365,8 @@ def breukels_tube(pressure, radius):
     bending = BreukelsBending(a, b, kga, scale * collapse, scale)
     ei = scale / (3.0 * (1.0 / b - 1.0 / kga))
     own_kga = scale * peak * rate / (2.0 * radius * radius) + pressure * np.pi * radius * radius
-    return TubeSection(2.0 * ei / radius**2, own_kga, scale * peak, rate, bending)
+    ea, wrinkling = 2.0 * ei / radius**2, wrinkling_moment(pressure, radius)
+    return TubeSection(ea, own_kga, scale * peak, rate, bending, radius, wrinkling)
 
 
 def inflatable_tube(pressure, radius, tension, shear):
@@ -330,13 +381,14 @@ def inflatable_tube(pressure, radius, tension, shear):
     _check_tubes(pressure, radius)
     if np.any(tension <= 0.0) or np.any(shear <= 0.0):
         raise ValueError("the stiffnesses E t and G t of a tube's fabric must be above zero N/m.")
-    onset = 0.5 * np.pi * pressure * radius**3
+    onset = wrinkling_moment(pressure, radius)
     ei = (tension + 0.5 * pressure * radius) * np.pi * radius**3
     kga = pressure * np.pi * radius**2 + shear * np.pi * radius
     # torsion of the fabric stays linear: an arctangent with a rate so small that it never turns
     rate = np.full(radius.shape, 1e-6)
     bending = WrinklingBending(ei, onset, FULLY_WRINKLED * onset)
-    return TubeSection(2.0 * np.pi * radius * tension, kga, 2.0 * np.pi * radius**3 * shear / rate, rate, bending)
+    peak = 2.0 * np.pi * radius**3 * shear / rate
+    return TubeSection(2.0 * np.pi * radius * tension, kga, peak, rate, bending, radius, onset)
 
 
 def _check_tubes(pressure, radius):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from aero import Flow
+from aero.vortex_step import VortexStepModel
 from tests.aero.wings import arched_nodes, linear_wing, nodes_of, stalling_wing, wind
 
 SPEED, CHORD, SPAN, STRIPS, DENSITY = 12.0, 1.5, 8.0, 6, 1.225
@@ -133,3 +135,29 @@ def test_pressures_and_shears_carry_force_and_moment_of_moving_strips():
     area = 0.5 * np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     force = loads.pressure[:, None] * area + loads.shear * np.linalg.norm(area, axis=1)[:, None]
     assert force.sum(axis=0) == pytest.approx(loads.total_force(), rel=1e-11, abs=1e-10)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_reduced_frequency_is_the_relative_rate_of_circulation_times_half_chord_over_speed(direction):
+    nodes = flat_nodes()
+    wing = linear_wing(4, induction=False)
+    model = VortexStepModel(wing, False, transient=True)
+    low, high, dt, still = 10.0, 10.0 + direction, 0.05, np.zeros_like(nodes)
+
+    def flow(speed):
+        return Flow(nodes, wind(np.deg2rad(5.0)) / 12.0, speed, velocity=still, dt=dt)
+
+    before = model.solve(flow(low), {"symmetric": 0.0})
+    assert before.outputs["reduced_frequency"] == 0.0  # there is no step before
+    found = model.solve(flow(high), {"symmetric": 0.0}, before.state).outputs
+    # strip theory: Gamma = c U cl / 2, so that dGamma / Gamma = dU / U; the largest Gamma of the wing is its own
+    expected = 0.5 * CHORD / high * abs(high - low) / dt / high
+    assert found["reduced_frequency"] == pytest.approx(expected, rel=1e-10)  # residual of the circulation
+    assert found["reduced_frequency_at"] == 1  # all strips alike: the first
+    assert model.repeated({})["reduced_frequency"] == 0.0
+
+
+def test_wings_at_rest_and_those_of_quasi_static_scenes_have_no_reduced_frequency():
+    model = VortexStepModel(linear_wing(4), False)
+    assert "reduced_frequency" not in {v.name for v in model.variables}
+    assert [c.name for c in model.criteria] == ["stalled_strips", "strips_beyond_polar"]

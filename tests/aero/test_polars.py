@@ -105,3 +105,54 @@ def test_stall_begins_at_the_first_maximum_of_lift_and_stays_whatever_lift_does_
     low, high = np.rad2deg(polars.stall_angles())
     assert low == pytest.approx([-10.0, -np.inf])
     assert high == pytest.approx([10.0, np.inf])
+
+
+# Two tables at the angles of both: the first has data from -20 to 20 deg, the second from -10 to 10 deg.
+WIDE, ENDS = np.deg2rad([-20.0, -10.0, 0.0, 10.0, 15.0, 20.0]), np.deg2rad([[-20.0, 20.0], [-10.0, 10.0]])
+
+
+def _of_two_ranges(strip_span, first=6.0, second=5.0):
+    cl = np.array([first * WIDE, second * np.clip(WIDE, *ENDS[1])])
+    zero = np.zeros_like(cl)
+    return StripPolars.from_tables(WIDE, cl, zero, zero, [0.0, 1.0], strip_span, ENDS)
+
+
+def test_table_that_ends_early_keeps_its_curve_to_its_ends_and_is_flagged_beyond():
+    """A straight table stays straight up to its own last point, though its end value is held behind it."""
+    p = _of_two_ranges(np.array([1.0]))
+    for degrees in (-10.0, -9.9, -3.0, 7.0, 9.9, 10.0):
+        cl, slope, outside = p.lift(np.deg2rad([degrees]))
+        # rounding of coefficients of order 1; the slope at the very end is that on either side of it
+        np.testing.assert_allclose(cl, 5.0 * np.deg2rad(degrees), atol=1e-14)
+        assert not outside
+        if abs(degrees) < 10.0:
+            np.testing.assert_allclose(slope, 5.0, rtol=1e-13)
+    for degrees in (-25.0, -10.1, 10.1, 17.0, 25.0):
+        cl, slope, outside = p.lift(np.deg2rad([degrees]))
+        np.testing.assert_allclose(cl, 5.0 * np.deg2rad(np.sign(degrees) * 10.0), atol=1e-14)
+        np.testing.assert_allclose(slope, 0.0, atol=1e-13)
+        assert outside
+
+
+def test_strip_has_data_where_both_tables_beside_it_have_and_one_on_a_section_where_that_has():
+    p = _of_two_ranges(np.array([0.0, 1e-12, 0.25, 1.0]))
+    for degrees, flagged in ((12.0, [0, 0, 1, 1]), (-12.0, [0, 0, 1, 1]), (9.0, [0, 0, 0, 0]), (21.0, [1, 1, 1, 1])):
+        assert p.lift(np.deg2rad(np.full(4, degrees)))[2].tolist() == [bool(f) for f in flagged]
+    # between them the held value is blended with the one that goes on: no jump from strip to strip
+    cl = _of_two_ranges(np.linspace(0.0, 1.0, 5)).lift(np.deg2rad(np.full(5, 17.5)))[0]
+    np.testing.assert_allclose(np.diff(cl), np.diff(cl)[0], rtol=1e-12)  # two sections: linear along the span
+
+
+def test_wing_whose_halves_have_data_over_unlike_ranges_is_not_its_mirror_image():
+    cl = np.zeros((2, len(WIDE)))  # the same values, known over other ranges
+    unlike, alike = (
+        StripPolars.from_tables(WIDE, cl, cl, cl, [0.0, 1.0], [0.0, 1.0], ends) for ends in (ENDS, ENDS[[1, 1]])
+    )
+    assert alike.mirrored()
+    assert not unlike.mirrored()
+
+
+def test_stall_is_found_where_a_table_has_data_and_not_where_its_end_is_held():
+    cl = np.array([[-1.0, -0.9, 0.0, 0.9, 1.0, 0.8], [-0.8, -0.8, 0.0, 0.8, 0.8, 0.8]])
+    p = StripPolars.from_tables(WIDE, cl, 0.0 * cl, 0.0 * cl, [0.0, 1.0], [0.0, 1.0], ENDS)
+    assert np.rad2deg(p.stall_angles()[1]) == pytest.approx([15.0, np.inf])

@@ -35,6 +35,7 @@ def turned(scene, run, angle):
     nodes = scene.interface.nodes
     place = about + (nodes + run.blocks["structural"]["displacement"] - about) @ turn.T
     blocks["structural"]["displacement"] = blocks["aero"]["displacement"] = place - nodes
+    blocks["structural"]["start_azimuth"] = np.array(angle)
     blocks["structural"]["position"] = about + (run.blocks["structural"]["position"] - about) @ turn.T
     for name in ("wind_direction", "shear", "line_load", "force"):
         blocks["aero"][name] = run.blocks["aero"][name] @ turn.T

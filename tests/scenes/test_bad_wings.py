@@ -71,7 +71,9 @@ WINGS = {
         ["attachments.csv row 42", "'7'", "tube itself"],
     ),
     "fixed node attached": (_appended("attachments.csv", "0,tip_right\n"), ["attachments.csv row 42", "'0'", "fixed"]),
-    "attachments without a table": (_replaced(TOML, 'attachments = "attachments.csv"\n', ""), ["lines.csv", "dangles"]),
+    "attachments without a table": (
+        _replaced(TOML, 'attachments = "attachments.csv"\n', ""), ["nodes.csv", "no element"]
+    ),
     "rib with one point": (_replaced("ribs.csv", LE, "le_mid,le_mid"), ["ribs.csv row 16", "one point"]),
     "rib of a missing node": (_replaced("ribs.csv", LE, "le_mid,te_md"), ["ribs.csv row 16", "'te_md'"]),
     "ribs that share a node": (_replaced("ribs.csv", LE, "le_mid,30"), ["ribs.csv", "share a node"]),

@@ -136,3 +136,20 @@ def test_helpers_among_the_methods_are_no_methods(plate):
     plate()
     with pytest.raises(SceneError, match="method must be one of: lift, vortex-step"):
         plate(name="_shared")
+
+
+def test_a_model_brings_what_it_is_judged_by(plate):
+    limits = """        self.criteria = (Criterion("sent", "traction sent", 0.5, "who wrote it"),)
+        self.level ="""
+
+    def judged(text):
+        text = text.replace("from interface import Variable", "from interface import Criterion, Variable")
+        return text.replace("        self.level =", limits, 1)
+
+    core = plate(change=judged).aero_core()
+    assert [c.name for c in core.criteria] == ["reference_area_misfit", "sent"]
+    core.step(0.0, 1.0)
+    assert core.get("outside_validity") == 1  # it sent 1
+    core.step(1.0, 1.0)  # the same again: nothing to send
+    assert core.get("sent") == 0.0
+    assert core.get("outside_validity") == 0

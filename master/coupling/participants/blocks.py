@@ -12,6 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from interface import Criterion
 from interface.variables import allowed, first_outside
 
 INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j]
@@ -40,6 +41,7 @@ class Blocks:
     blocks: dict[str, tuple[int, ...]]
     limits: dict[str, Limits]
     offers_derivatives: bool = False
+    criteria: tuple[Criterion, ...] = ()  # what its outputs are judged by, where it is known
 
     @property
     def causality(self) -> dict[str, str]:
