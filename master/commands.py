@@ -20,6 +20,7 @@ from master.coupling.participants import FmuParticipant, InProcessParticipant, P
 from master.coupling.participants.zero_loads import ZeroLoads
 from master.coupling.run import Run, coupled_run
 from master.coupling.schemes import SCHEMES, scheme
+from master.coupling.start import with_start
 from master.report import (
     LABELS,
     RESULTS,
@@ -74,6 +75,8 @@ def run_scene(
         choices, built, kept = asked.remembered(files.restart, scenes.name_of(name))
     _checked(choices)
     scene, given, cores = prepared(name, built)
+    if files.restart is None:
+        scene, cores, _ = at_rest(scene, given, cores)  # a run that finds no start says so by itself
     if files.restart is not None:
         motion, more = asked.remembered_motion(files.restart, scene)
         kept += more
@@ -215,6 +218,7 @@ def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = Fals
     if ssp and fmi != 2:
         raise ValueError("--ssp connects FMUs of FMI 2; leave --fmi out.")
     scene, given, cores = prepared(name, assigned)
+    scene, cores, lacking = at_rest(scene, given, cores)
     results_folder(out)
     mark = "_fmi3" if fmi == 3 else ""
     names = [f"{scene.name}{end}" for end in (f"_structural{mark}.fmu", f"_aero{mark}.fmu", *([".ssp"] if ssp else []))]
@@ -227,6 +231,8 @@ def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = Fals
             print(path)
         if own_binary() is None:
             print(OTHER_BINARY, file=sys.stderr)
+        if lacking:
+            print(f"kitecosim: note: {lacking}; the FMUs start in the shape of the tables.", file=sys.stderr)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueError(f"--out {out} cannot be written to ({reason}); name another one.") from None
@@ -300,6 +306,14 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], 
             core.set(key, value)
         parameters[key] = value
     return scene, scene.with_trim(parameters, made), made
+
+
+def at_rest(scene: Any, given: dict[str, Any], cores: dict[str, Any]) -> tuple[Any, dict[str, Any], str]:
+    """A prepared scene and its cores with the equilibrium of structure and flow for their start, where they are to
+    start in one, and "" or why there is none; see `master.coupling.with_start`.
+    """
+    started, lacking = with_start(scene, given, cores) if scene.transient else (scene, "")
+    return (scene, cores, lacking) if started is scene else (started, started.cores(), lacking)
 
 
 def _number(key: str, text: str, variable: Any) -> Any:

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     Cores = dict[str, Core]
 
 
+SAME = 1e-9  # m, by which turned shapes differ with the machine that turned them, and more
+
+
 @dataclass(frozen=True, eq=False)
 class SectionPolars:
     """Polars `cl`, `cd`, `cm` (p,k) over `alpha` (k,) rad, their end values beyond the `ends` (p,2) rad of their data.
@@ -60,13 +63,35 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
+class Start:
+    """A shape at rest to start from instead of the one that is `drawn`, the design shape as it is turned for the start:
+    positions (n,3) m of the nodes and displacements (m,3) m of the interface, of either shape.
+    """
+
+    drawn_nodes: np.ndarray
+    drawn_displacement: np.ndarray
+    nodes: np.ndarray
+    displacement: np.ndarray
+
+    def of_nodes(self, x: np.ndarray) -> np.ndarray:
+        """Positions (n,3) m to start from, where x were drawn: those of this start, if it belongs to them."""
+        return self.nodes if np.allclose(x, self.drawn_nodes, rtol=0.0, atol=SAME) else x
+
+    def of_interface(self, displacement: np.ndarray) -> np.ndarray:
+        """The same of displacements (m,3) m of the interface."""
+        same = np.allclose(displacement, self.drawn_displacement, rtol=0.0, atol=SAME)
+        return self.displacement if same else displacement
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """One checked scene, quasi-static or transient.
 
     `settings` are the choices that it offers, as they are chosen, and `choices` all choices; then the sections of
     scene.toml, None where it lacks one. `members` is the structure, `interface` the mesh that structure and flow share,
     `struts` (s,2) leading and trailing edge nodes, `polars` those of the design sections, `pivot` the node that the
-    structure pitches about. `source` is not known of a scene that an FMU carries.
+    structure pitches about, `start` where a transient scene starts if that is known. `source` is not known of a scene
+    that an FMU carries.
     """
 
     name: str
@@ -86,6 +111,7 @@ class Scene:
     point_loads: tuple[PointLoad, ...] = field(repr=False)
     pivot: int | None
     source: Source | None = field(repr=False, default=None)
+    start: Start | None = field(repr=False, default=None)
 
     @property
     def folder(self) -> Path:
@@ -127,6 +153,10 @@ class Scene:
     def communication_step(self) -> float:
         """Usual communication step, s; in quasi-static scenes it is pseudo-time."""
         return 1.0 if self.dynamics is None else self.dynamics.communication_step
+
+    def starting_at(self, drawn: tuple[np.ndarray, np.ndarray], found: tuple[np.ndarray, np.ndarray]) -> "Scene":
+        """The scene that starts in a shape `found` where another was `drawn`: nodes and displacement, see `Start`."""
+        return replace(self, start=Start(*drawn, *found))
 
     def carried(self, side: str) -> "Scene":
         """The scene with what the core of one side needs and no more, "structural" or "aero", as its FMU carries it."""

@@ -175,6 +175,8 @@ def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
         pivot = html.escape(scene.members.labels[scene.pivot])
         value, azimuth = (instance.start(angle)[0] for angle in ("trim_angle", "start_azimuth"))
         text += texts.TRIM.format(value=value, azimuth=azimuth, pivot=pivot, place=place)
+    if scene.start is not None:
+        text += texts.START
     counted = texts.COUNTED if fmi == 2 else texts.COUNTED_IN_ARRAYS
     text += texts.SIGNS.format(shear=texts.SHEAR if "shear" in blocks else "", counted=counted)
     return text + "".join(_table(*table) for table in _tables(instance, scene))

@@ -187,6 +187,11 @@ turns that shape about the upright axis through the pivot, by {azimuth:.6g} rad 
 looks into the wind given to <code>kitecosim build</code>; the plane of symmetry turns with it. Give both FMUs the same
 values before they are initialized.</p>
 """
+START = """<p>Both FMUs start in the equilibrium of structure and flow for the parameters given to
+<code>kitecosim build</code>, at rest: a host that steps them once a step from there sees no motion until something
+changes. With another wind, other tapes or masses before the first step the start is none of both together, and the
+kite swings; with another <code>trim_angle</code> it is the design shape, turned by that.</p>
+"""
 SIGNS = """<h2>Indices and signs</h2>
 <p>Global frame: z up; in the design shape x goes downwind and y towards the right wing. Coordinates are in m and those
 of the design shape, from where <code>displacement</code> is counted. The corners c1 to c4 of a panel go around it; its

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from master.coupling.schemes import SCHEMES, scheme
     from master.coupling.simulation import Simulation, simulate
     from master.coupling.stability import static_stability
+    from master.coupling.start import with_start
     from master.coupling.validity import Judgement, judgements
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "simulate",
     "solve",
     "static_stability",
+    "with_start",
 ]
 
 _MODULES = {
@@ -47,6 +49,7 @@ _MODULES = {
     "schemes": ("SCHEMES", "scheme"),
     "simulation": ("Simulation", "simulate"),
     "stability": ("static_stability",),
+    "start": ("with_start",),
     "validity": ("Judgement", "judgements"),
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names}

@@ -99,6 +99,11 @@ class Steps:
         self.residuals.append(residual)
         self.recoveries.append(min(recoveries, 32767))
 
+    def drop(self) -> None:
+        """Take the last step out of the book, all but its messages: it was tried only."""
+        for column in (self.times, self.codes, self.iterations, self.residuals, self.recoveries):
+            column.pop()
+
 
 @dataclass
 class March:

@@ -26,6 +26,8 @@ from master.coupling.validity import Judgement, Peaks
 FLOW, STRUCTURE = "aero", "structural"
 MOTION = ("displacement", "velocity")
 PREDICTOR = "linear"
+START_SCHEME = "iqn-ils"
+NO_START = "no equilibrium of structure and flow was found to start from; the structure starts in its own"
 ROUNDING = 1e-9  # part of a time by which it may miss that of a row of inputs
 # Parameters of the schemes in transient scenes. The first update takes the whole change: where steps are short, inertia
 # makes the coupling weak. Columns of more than one step before are those of another state of taut and slack lines, and
@@ -170,6 +172,13 @@ class Simulation:
         return found
 
 
+def equilibrium_is_asked_for(participants: Mapping[str, Participant]) -> bool:
+    """Whether a structure in a flow is to start in equilibrium."""
+    structure = participants[STRUCTURE]
+    asked = FLOW in participants and "start_in_equilibrium" in structure.blocks
+    return asked and bool(structure.get("start_in_equilibrium"))
+
+
 def exchange_of(participants: Mapping[str, Participant], step: float) -> Exchange:
     """Both participants, connected by every output of one that is an input of the other, by name."""
     connections = [
@@ -208,9 +217,11 @@ def simulate(
     """Step a moving structure and the flow around it from 0 to `stop_time` s in communication steps of `step` s.
 
     `participants` are {"aero": flow, "structural": structure}, or the structure alone. The scheme "explicit" steps each
-    once; its loads act all through the step (the structure's loads_vary is set to 0). The others repeat a step until
-    the motion changes by no more than `tolerance` m; `parameters` of the scheme go before PARAMETERS. `inputs` vary
-    in time; `follower(time, simulation)` is called at the start and after every step.
+    once; its loads act all through the step (the structure's loads_vary is set to 0). A first step that starts in
+    equilibrium it iterates all the same, by START_SCHEME, where both sides can restore a state: without, the structure
+    would be in equilibrium with the flow around another shape; where that fails, it is so, with a message. The others
+    repeat every step until the motion changes by no more than `tolerance` m; `parameters` of the scheme go before
+    PARAMETERS. `inputs` vary in time; `follower(time, simulation)` is called at the start and after every step.
 
     `hold(exchange, scheme, march)` follows every step with what a checkpoint needs; `begun(exchange, scheme)` restores
     the participants of a run, and gives what it continues from. ValueError in one sentence for bad input; a step that
@@ -253,14 +264,36 @@ def simulate(
         if hold is not None:
             hold(exchange, used, march)
 
-    explicit = scheme_name == "explicit"
-    result: MarchResult = march(
-        exchange, used, stop_time, order, atol=1.0 if explicit else tolerances(exchange, order, tolerance), rtol=0.0,
-        predictor=PREDICTOR, max_iterations=max_iterations, callback=accepted, hold=held, begun=now,
-    )  # fmt: skip
+    def marched(by: Scheme | None, end: float) -> MarchResult:
+        atol = 1.0 if scheme_name == "explicit" and by is None else tolerances(exchange, order, tolerance)
+        return march(
+            exchange, by, end, order, atol=atol, rtol=0.0, predictor=PREDICTOR, max_iterations=max_iterations,
+            callback=accepted, hold=held, begun=now,
+        )  # fmt: skip
+
+    first = None
+    settles = used is None and not len(now.steps) and stop_time > exchange.time
+    if settles and equilibrium_is_asked_for(run.participants) and not exchange.without_rollback():
+        start = _scheme(START_SCHEME, exchange, order, {})
+        first = _first_step(run, exchange, lambda: marched(start, exchange.end))
+    ended = first is not None and (first.status not in GOOD or exchange.time > stop_time - 0.5 * step)
+    result = first if ended and first is not None else marched(used, stop_time)
     run.time, run.status, run.message, run.steps = result.time, result.status, result.message, result.steps
     run.evaluations, run.seconds = result.evaluations, result.seconds
     return run
+
+
+def _first_step(run: Simulation, exchange: Exchange, iterated: Callable[[], MarchResult]) -> MarchResult | None:
+    """The first communication step of a run, iterated; None where that found no equilibrium, and the run stands at its
+    beginning with a message.
+    """
+    result = iterated()
+    if result.status in GOOD or exchange.time > run.start:
+        return result
+    if len(run.steps):
+        run.steps.drop()
+    run.steps.messages.append((1, NO_START))
+    return None
 
 
 def _require(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from master.commands import opened, pair, prepared
+from master.commands import at_rest, opened, pair, prepared
 from master.coupling.equilibrium import CoupledResult, Coupling, solve
 from master.coupling.participants import Participant
 from master.coupling.schemes import SCHEMES, scheme
@@ -54,7 +54,8 @@ def solved(cell: Cell) -> dict[str, Any]:
     """
     begin = time.perf_counter()
     try:
-        scene, given, _ = prepared(cell.folder, cell.assigned)
+        scene, given, cores = prepared(cell.folder, cell.assigned)
+        scene, _, _ = at_rest(scene, given, cores)
         _warm(cell, scene, given)
         with tempfile.TemporaryDirectory(prefix="comparison_") as folder:
             solves = [_solve(cell, scene, given, Path(folder)) for _ in range(cell.repeat)]

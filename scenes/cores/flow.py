@@ -132,14 +132,20 @@ class FlowSolver(Solver):
     def begin(self, values):
         """See Solver."""
         state = FlowState()
-        return Result(self._wind(values, state), state)
+        return Result(self._wind(values, state) | self._started(values["displacement"]), state)
 
     def follow(self, block, values, state, started):
         """See Solver: where the wing starts, and the wind with its gust."""
         if block in ("trim_angle", "start_azimuth"):
             nodes = self._interface.nodes
-            return Result({"displacement": self._heading.started(nodes, values) - nodes})
+            turned = self._heading.started(nodes, values) - nodes
+            return Result({"displacement": turned} | self._started(turned))
         return Result(self._wind(values, state) if block in ("wind_speed", *GUSTS) else {})
+
+    def _started(self, displacement):
+        """The displacement to start from, where the scene knows another than this one, that it was drawn in."""
+        start = self._scene.start
+        return {} if start is None else {"displacement": start.of_interface(displacement)}
 
     def _wind(self, values, state):
         if not self._scene.transient:

@@ -38,6 +38,10 @@ class Heading:
         """Points (n,3) m at home where they are with the `axes` of the kite."""
         return points if axes is None else (points - self._home) @ axes.T + self.about
 
+    def taken_home(self, points, axes):
+        """Points (n,3) m at home that stand at these places with the `axes` of the kite: `placed`, undone."""
+        return points if axes is None else (points - self.about) @ axes + self._home
+
     def inward(self, vectors, values):
         """Vectors (...,3) in the axes of the kite with these values of parameters."""
         return inward(vectors, self.axes(values))

@@ -8,6 +8,7 @@ from aero.added_mass import wing_added_mass
 from interface import MIRROR, StepFailed
 from structural import Loads, equilibrium
 from structural.dynamics import SCHEMES, Balance, GeneralisedAlpha, Motion, State, integrate
+from structural.elements import Configuration
 
 from ..schema import SceneError
 from .core import Result, Solver
@@ -19,6 +20,8 @@ ENERGIES = {
     "kinetic_energy": "kinetic", "elastic_energy": "elastic", "external_work": "work", "reeling_work": "reeled",
     "dissipated_energy": "dissipated", "numerical_loss": "numerical_loss",
 }  # fmt: skip
+# Part of the loads that may be out of balance at a start in equilibrium, as in the steps after it.
+START_RTOL = 1e-9
 MOST_SUBSTEPS = 1e6  # of the integration within a communication step: none is meant to take longer
 
 
@@ -79,9 +82,11 @@ class Transient(Solver):
             raise SceneError(f"{scene.name}/scene.toml: [dynamics] has no inertia of tubes yet; drop it or the tubes.")
         self.name, self.model = scene.name, StructuralModel(scene)
         self.variables = tuple(transient_variables(scene, self.model))
+        self._start = scene.start
         self.criteria = self.model.criteria
         self._scheme = SCHEMES[scene.choices.integration or scene.dynamics.scheme]
-        self._density = scene.structure.line_density
+        # all masses go with the square of the scale, so what a metre of line weighs goes with the scale of its section
+        self._density = scene.structure.line_density / scene.choices.scale
         self._require_masses(scene)
 
     @staticmethod
@@ -97,9 +102,18 @@ class Transient(Solver):
 
     def begin(self, values):
         """See Solver."""
-        x, _ = self.model.start(values)
+        x = self._start_positions(values)
         state = TransientState(x, np.zeros_like(x), np.zeros_like(x), lengths=self._lengths(values))
-        return Result(self._shown(values, state), state)
+        return Result(self._shown_at_rest(values, state), state)
+
+    def _start_positions(self, values):
+        x, _ = self.model.start(values)
+        if self._start is None:
+            return x
+        heading, axes = self.model.heading, self.model.heading.axes(values)
+        drawn = heading.placed(x, axes)
+        found = self._start.of_nodes(drawn)
+        return x if found is drawn else heading.taken_home(found, axes)
 
     def _lengths(self, values):
         return {name: (float(values[name]), float(values[name])) for name in self.model.tapes}
@@ -107,13 +121,12 @@ class Transient(Solver):
     def follow(self, block, values, state, started):
         """See Solver."""
         if block in ("trim_angle", "start_azimuth"):
-            x, _ = self.model.start(values)
-            state = replace(state, x=x)
+            state = replace(state, x=self._start_positions(values))
         elif started:
             return Result()
         else:  # what is set before the first step is where it begins
             state = replace(state, lengths=self._lengths(values))
-        return Result(self._shown(values, state), state)
+        return Result(self._shown(values, state) if started else self._shown_at_rest(values, state), state)
 
     def must_step(self, values, state, t, dt):
         """See Solver: time goes on."""
@@ -143,7 +156,7 @@ class Transient(Solver):
             begin = motion.restarted(begin)
         result = integrate(
             motion, begin, dt, self._integrator(values), float(values["longest_step"]),
-            atol=float(values["solver_tolerance"]), energy=self._balance(values, motion, begin),
+            atol=float(values["solver_tolerance"]), energy=self._balance(values, motion, begin, first),
         )  # fmt: skip
         if not result.finished:
             why = result.message[0].lower() + result.message[1:]
@@ -252,16 +265,25 @@ class Transient(Solver):
         )
 
     @staticmethod
-    def _balance(values, motion, begin):
-        """The balance of energies so far; the energies themselves are those at the beginning of the step."""
+    def _balance(values, motion, begin, first):
+        """The balance of energies so far; the energies themselves are those at the beginning of the step.
+
+        Elements that were set anew since the step before (line_modulus) have put in what they are stiffer; inertia that
+        is another (of the air, constant within a step, or wing_mass) counts as made by the scheme.
+        """
         sums = {k: float(values[name]) for name, k in ENERGIES.items() if k not in ("kinetic", "elastic")}
-        return Balance(motion.kinetic_energy(begin), motion.elastic_energy(begin), **sums)
+        kinetic, elastic = motion.kinetic_energy(begin), motion.elastic_energy(begin)
+        if not first:
+            sums["reeled"] += elastic - float(values["elastic_energy"])
+            sums["numerical_loss"] -= kinetic - float(values["kinetic_energy"])
+        return Balance(kinetic, elastic, **sums)
 
     def _start_in_equilibrium(self, values, state, loads):
         """The state at rest in equilibrium under the loads."""
         groups = self.model.groups(values)
         symmetric = self.model.symmetric(values, groups, (loads,), state.x)
-        found = equilibrium(self.model.assembly(symmetric), loads, state.x, 1e-4, groups=groups)
+        tolerance = float(values["solver_tolerance"])
+        found = equilibrium(self.model.assembly(symmetric), loads, state.x, tolerance, START_RTOL, groups)
         if not found.converged:
             raise StepFailed(
                 f"no equilibrium to start from: {found.residual:.3g} N out of balance after {found.iterations} Newton "
@@ -269,6 +291,10 @@ class Transient(Solver):
             )
         rest = np.zeros_like(found.x)
         return replace(state, x=found.x, v=rest, a=rest, past=None)
+
+    def _shown_at_rest(self, values, state):
+        stored = self.model.assembly(False).energy(Configuration(state.x), self.model.groups(values))
+        return self._shown(values, state) | {"elastic_energy": stored}
 
     def _shown(self, values, state):
         lengths = {name: length for name, (length, _) in state.lengths.items()}

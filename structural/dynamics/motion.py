@@ -141,6 +141,10 @@ class Motion:
         at, p, a = self.configuration(q, v), self.prepared(t), self.assembly
         return a.elastic(at, p), a.damping(at, p), a.external(at, p)
 
+    def external(self, state: State) -> np.ndarray:
+        """Generalised forces (u,) N of the loads."""
+        return self.assembly.external(self.configuration(state.q, state.v), self.prepared(state.t))
+
     def configuration(self, q, v) -> Configuration:
         """The moving shape of the whole structure."""
         return Configuration(self.positions(q), None, self.velocities(v))
@@ -166,20 +170,17 @@ class Motion:
         """Strain energy of all elements, J."""
         return self.assembly.energy(Configuration(self.positions(state.q)), self.groups(state.t))
 
-    def reeling_power(self, state: State) -> float:
-        """Power W that changes of rest length put into the dampers; see `reeling_work` for the rest."""
-        if not self.elements_change:
-            return 0.0
-        at = self.configuration(state.q, state.v)
-        return sum(group.reeling_power(at) for group in self.groups(state.t))
-
-    def reeling_work(self, state: State, new: State) -> float:
-        """Work J that changes of the elements put into the structure between two states: of rest length, -T dl0, and of
-        the stiffness that goes with it, by which line that is reeled in takes its strain energy along.
+    def element_work(self, state: State, new: State) -> tuple[float, float]:
+        """Work J that changes of the elements put into them between two states, and heat J of their dampers. Of the
+        first are rest lengths that change, -T dl0 with that of the dampers in T, and the stiffness that goes with them,
+        by which line that is reeled in takes its strain energy along.
         """
-        if not self.elements_change:
-            return 0.0
-        places = [Configuration(self.positions(s.q)) for s in (state, new)]
-        before, after = self.groups(state.t), self.groups(new.t)
-        energy = self.assembly.energy
-        return 0.5 * sum(energy(at, after) - energy(at, before) for at in places)
+        before = self.groups(state.t)
+        after = self.groups(new.t) if self.elements_change else before
+        begin, end = (self.configuration(s.q, s.v) for s in (state, new))
+        put_in = heat = 0.0
+        for a, b in zip(before, after, strict=True):
+            taken, heated = a.damper_work(b, begin, end)
+            heat += taken
+            put_in += heated + (a.changing_work(b, begin, end) if self.elements_change else 0.0)
+        return put_in, heat

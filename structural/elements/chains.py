@@ -92,9 +92,13 @@ class Chains(ElementGroup):
         """See ElementGroup."""
         return damping_forces_and_tangents(at.x, at.v, self, isotropic)
 
-    def reeling_power(self, at):
+    def damper_work(self, after, begin, end):
         """See ElementGroup."""
-        return reeling_power(at.x, at.v, self)
+        return damper_work(begin, end, self, after)
+
+    def changing_work(self, after, begin, end):
+        """See ElementGroup; exact where stretch, rest length and stiffness go linearly from one end to the other."""
+        return reeling_work(begin.x, end.x, self, after)
 
     @property
     def criteria(self):
@@ -277,12 +281,53 @@ def damping_forces(x, v, chains):
     return _viscous(stretch, rate, chains)[0][:, None, None] * _length_gradient(u)
 
 
-def reeling_power(x, v, chains):
-    """Power W that changes of rest length put into the dampers, -F dl0/dt, all of which these turn into heat."""
-    if chains.c is None or chains.l0_rate is None:
-        return 0.0
-    _, _, _, _, stretch, _, rate = _rates(x, v, chains)
-    return -float(_viscous(stretch, rate, chains)[0] @ chains.l0_rate)
+def damper_work(begin, end, before, after):
+    """Heat J of the dampers between two moving configurations, the integral of F (dL - dl0), and the part of it J that
+    changes of rest length put in, of -F dl0: of the mean force while an element is taut all the way, and where it
+    becomes taut or slack of the force on its taut side, over the part of the way on that side.
+    """
+    if before.c is None or after.c is None:
+        return 0.0, 0.0
+    u0, _, _, _, s0, _, rate0 = _rates(begin.x, begin.v, before)
+    u1, _, _, _, s1, _, rate1 = _rates(end.x, end.v, after)
+    f0, f1 = _viscous(s0, rate0, before)[0], _viscous(s1, rate1, after)[0]
+    start, stop = _taut_part(s0, s1, before)
+    way, dl = (end.x - begin.x)[before.nodes], after.l0 - before.l0
+    longer = [np.einsum("eik,eik->e", _length_gradient(u), way) for u in (u0, u1)]
+    whole = before.two_way | ((s0 > 0.0) & (s1 > 0.0))
+    part = (stop - start) * np.where(s1 > 0.0, f1, f0)
+    put_in = -np.where(whole, 0.5 * (f0 + f1), part) * dl
+    heat = np.where(whole, 0.5 * (f0 * longer[0] + f1 * longer[1]) + put_in, part * (s1 - s0))
+    return float(heat.sum()), float(put_in.sum())
+
+
+def reeling_work(x0, x1, before, after):
+    """Work J that changes of rest length, and of the stiffness that goes with it, put into the springs while the nodes
+    go from x0 to x1 (n,3) m and the elements change from those `before` to those `after`: the integral of
+    -T dl0 + s^2 dk / 2, with the stretch s that goes linearly too, over the part in which an element is taut.
+
+    Of the strain energy at fixed nodes nothing can be asked: line that is paid out faster than it is stretched would
+    have been stretched by all of it, or be slack, at places that it never was at.
+    """
+    s0, s1 = (_stretched(x, chains)[-1] for x, chains in ((x0, before), (x1, after)))
+    dl, dk, ds = after.l0 - before.l0, after.k - before.k, s1 - s0
+    begin, stop = _taut_part(s0, s1, before)
+
+    def rate(at):
+        s = s0 + at * ds
+        return 0.5 * s * s * dk - (before.k + at * dk) * s * dl
+
+    simpson = rate(begin) + 4.0 * rate(0.5 * (begin + stop)) + rate(stop)  # exact: of second degree
+    return float((stop - begin) @ simpson) / 6.0
+
+
+def _taut_part(s0, s1, chains):
+    """Where on the way from stretch s0 to s1 (e,) m, parts of one, each element begins and ends to pull; the same where
+    it does not at all.
+    """
+    crossing = np.divide(s0, s0 - s1, out=np.zeros_like(s0), where=(s0 > 0.0) != (s1 > 0.0))
+    begin = np.where(chains.two_way | (s0 > 0.0), 0.0, crossing)
+    return begin, np.where(chains.two_way | (s1 > 0.0), 1.0, crossing)
 
 
 def damping_forces_and_tangents(x, v, chains, isotropic=False):

@@ -8,6 +8,10 @@ import numpy as np
 from interface.mirror import canonical_chains, paired_rows
 from interface.validity import Criterion
 
+# Part of a change of elements over which the rate of their strain energy is a central difference: accurate to 1e-12 by
+# rounding, and to its square where the energy is no polynomial of second degree.
+RATE = 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
@@ -125,9 +129,31 @@ class ElementGroup:
         """
         raise NotImplementedError
 
-    def reeling_power(self, at):
-        """Power W that changes of rest length put into the dampers."""
-        return 0.0
+    def damper_work(self, after, begin, end):
+        """Heat J of the dampers while the structure goes from the moving configuration `begin` to `end` and the
+        elements change to those `after`, and the part of it J that changes of rest length put in: here the heat of the
+        mean force on the way of the nodes.
+        """
+        if not self.damped:
+            return 0.0, 0.0
+        way = (end.x - begin.x)[self.nodes].reshape(len(self), -1)
+        return 0.5 * float(np.sum((self.damping_forces(begin) + after.damping_forces(end)) * way)), 0.0
+
+    def changing_work(self, after, begin, end):
+        """Work J that changes of the elements to those `after` put into their strain energy, while the structure goes
+        from the configuration `begin` to `end`: here the mean of its rates at both ends, of second order in the step.
+        """
+
+        def rate(at, share):  # by a small part of the change: all of it could stretch what never was so stretched
+            return (self.changed(after, share + RATE).energy(at) - self.changed(after, share - RATE).energy(at)) / RATE
+
+        return 0.0 if after is self else 0.25 * (rate(begin, 0.0) + rate(end, 1.0))
+
+    def changed(self, after, share):
+        """The elements with all of their arrays of numbers by a share (1: all of it) of the way to those of `after`."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        numbers = {k: a for k, a in own.items() if isinstance(a, np.ndarray) and a.dtype.kind == "f"}
+        return replace(self, **{k: a + share * (getattr(after, k) - a) for k, a in numbers.items()})
 
     # Up to where they are known to be good
 

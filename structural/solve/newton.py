@@ -213,7 +213,7 @@ class Newton:
 
 def rounding_force(groups, at, reach=0.0):
     """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0|| for
-    springs; `at` is a configuration, `reach` m how large coordinates are. In motion see `rounding_of_positions`.
+    springs; `at` is a configuration, `reach` m how large coordinates are. See `rounding_of_positions` too.
     """
     squares = sum(np.sum(group.rounding(at, reach) ** 2) for group in groups)
     return 4.0 * EPS * float(np.sqrt(squares))

@@ -13,7 +13,7 @@ from structural.model import Loads
 
 from . import Singular
 from .linear import ACCURATE_PIVOT, factorised, shifted
-from .newton import Newton, rounding_force, stiffest
+from .newton import Newton, rounding_force, rounding_of_positions, stiffest
 
 # Newton iterations after which lines and ropes that are stiff for their loads are softened (see `continuation_stages`);
 # each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
@@ -84,9 +84,10 @@ def equilibrium(
 ) -> Equilibrium:
     """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
 
-    Where the elements are so stiff that rounding of their lengths alone makes larger forces, that rounding is the
-    tolerance. `groups` replace those of the structure (rest lengths and sections may change), `x0` (n,3) m and
-    `rotations` (r,3,3) are what to start from. No step moves a node by more than `step_limit` m.
+    Where the elements are so stiff that rounding of their lengths, or of coordinates that are large beside these, makes
+    larger forces, that rounding is the tolerance. `groups` replace those of the structure (rest lengths and sections
+    may change), `x0` (n,3) m and `rotations` (r,3,3) are what to start from. No step moves a node by more than
+    `step_limit` m.
 
     Full Newton steps are all that a warm start needs, and what stiff members need that turn by a large angle;
     otherwise steps are damped, with a line search (see `newton.Newton`; quadratic convergence at the end also with
@@ -98,7 +99,8 @@ def equilibrium(
     """
     groups = tuple(assembly.structure.groups if groups is None else groups)
     reach = float(np.abs(assembly.structure.nodes).max(initial=0.0))
-    tolerance = max(atol, rounding_force(groups, assembly.structure.reference, reach))
+    at_rest = groups, assembly.structure.reference, reach
+    tolerance = max(atol, rounding_force(*at_rest), rounding_of_positions(*at_rest))
     at = assembly.unknowns.restrict(x0), assembly.start(rotations)
 
     def newton(members, at, rtol):

@@ -178,3 +178,19 @@ def test_tolerance_is_a_force_and_is_met_or_said_not_to_be():
     weight[:, 2] = -10.0
     relative = _solve(s, dead(weight), atol=0.0, rtol=1e-6)
     assert relative.residual <= 1e-6 * 10.0 * np.sqrt(np.count_nonzero(~s.fixed[:, 0]))
+
+
+def test_short_stiff_pieces_are_in_equilibrium_to_what_rounding_of_their_places_leaves():
+    """A line of 1e9 N in 200 pieces of half a metre, up to 100 m away: eps EA / l x 100 m is 1e-5 N for each of them,
+    ten times what is asked for.
+    """
+    part = np.linspace(0.0, 1.0, 201)
+    nodes = np.stack([100.0 * part, 0.0 * part, -24.5 * part * (1.0 - part)], axis=1)
+    held = np.isin(np.arange(201), [0, 200])
+    pieces = np.stack([np.arange(200), np.arange(1, 201)], axis=1)
+    s = structure(nodes, held, [chains(pieces, 0.505, 1e9 / 0.505)])
+    result = _solve(s, _weights(201, **{f"n{k}": 5.0 for k in range(1, 200)}))
+    first = result.x[0] - result.x[1]
+    held_up = tensions(result.x, s.groups[0])[0] * first[2] / np.linalg.norm(first)
+    assert held_up == pytest.approx(0.5 * 199 * 5.0, rel=1e-5)  # half of the weight, to the residual of 200 pieces
+    assert result.residual < 1e-2
