@@ -1,5 +1,7 @@
 """Which way a kite looks: its own axes, x downwind and y along the span, in which a turned kite is the one drawn."""
 
+from functools import partial
+
 import numpy as np
 
 from interface import Variable
@@ -69,8 +71,8 @@ def azimuth_variables(scene):
     if scene.trim is not None:
         text = "rigid rotation about the upright axis through the pivot in which the kite starts, after trim_angle; "
         text += "its plane of symmetry turns with it"
-        given = {"causality": "parameter", "variability": "fixed", "unit": "rad", "minimum": -7.0, "maximum": 7.0}
-        yield Variable("start_azimuth", **given, description=text)
+        turned = partial(Variable, "start_azimuth", causality="parameter", variability="fixed", unit="rad")
+        yield turned(minimum=-7.0, maximum=7.0, description=text)
 
 
 def start_azimuth(scene, direction):
