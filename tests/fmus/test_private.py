@@ -87,7 +87,7 @@ def heavier(name, text):
     """Gravity doubled in the code of the structure."""
     if not name.endswith("cores/structure.py"):
         return text
-    found = text.replace('gravity = float(values["gravity"])', 'gravity = 2.0 * float(values["gravity"])')
+    found = text.replace('= float(values["gravity"])', '= 2.0 * float(values["gravity"])')
     assert found != text
     return found
 

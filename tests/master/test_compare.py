@@ -89,11 +89,13 @@ def test_histories_say_what_each_update_used():
 
 
 def test_other_equilibrium_is_told_from_the_one_that_most_have_found():
-    rows = compare("v3_kite", ["explicit", "relaxation", "aitken", "iqn-ils"], settings={"wind_speed": 20}, jobs=0)
+    schemes, settings = ["explicit", "relaxation", "aitken", "iqn-ils"], {"wind_speed": 20, "line_drag": "off"}
+    rows = compare("v3_kite", schemes, settings=settings, jobs=0)
     explicit, *others = rows
     assert {row["status"] for row in rows} == {"converged"}
-    assert explicit["equilibrium"] == 2  # folded tips: README
-    assert explicit["tip_span"] < 6.8 < min(row["tip_span"] for row in others)  # m
+    assert explicit["equilibrium"] == 2  # thrown far off, it comes to rest stalled
+    assert explicit["tip_span"] < 7.0 < 7.4 < min(row["tip_span"] for row in others)  # m
+    assert explicit["CL"] > 0.9  # 0.35 where it flies
     assert explicit["displacement_difference"] > 0.1
     assert [row["equilibrium"] for row in others] == [1] * len(others)
     assert max(row["displacement_difference"] for row in others) < 1e-4

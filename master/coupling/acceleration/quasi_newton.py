@@ -35,7 +35,7 @@ class IQNILS(QuasiNewton):
     reuse: int = 10
     filter: float = 1e-8
     curved: float = 0.03
-    stale: float = 1e-4
+    stale: float = 0.02
     max_columns: int = 100
     _V: list[Columns] = field(init=False, repr=False)  # one a field, oldest column first
     _W: list[Columns] = field(init=False, repr=False)
@@ -157,7 +157,7 @@ class IQNILS(QuasiNewton):
 KINDS = {
     "iqn-ils": Kind(
         IQNILS,
-        {"omega0": IQNILS.omega0, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 1e-4, "max_columns": 100},
+        {"omega0": IQNILS.omega0, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 0.02, "max_columns": 100},
         "omega0",
         "quasi-Newton with an inverse Jacobian from least squares",
         place=3,
