@@ -106,9 +106,9 @@ def strips(quick):
             rows.append([f"{speed:g}", str(per_bay), *flight(result, coupling), *tips(coupling.aero, per_bay)])
     return lines(
         table(("wind m/s", "strips a bay", *FLIGHT, *TIPS), rows),
-        "With line drag, from the automatic trim start. The tip strip is the outermost one; its α is the effective one, "
-        "beside the angle at which its polar has no lift. Circulation of the tip bay: mean over its strips, over that at "
-        "mid-span.",
+        "With line drag, from the automatic trim start. The tip strip is the outermost one; its α is the effective "
+        "one, beside the angle at which its polar has no lift. Circulation of the tip bay: mean over its strips, over "
+        "that at mid-span.",
     )
 
 

@@ -57,13 +57,13 @@ def results(quick):
         )
     return lines(
         table(NAMES, rows),
-        "Lines of 0.55 GPa are the numerical choice of the source, not Dyneema, which has about 100 GPa (last row). The "
-        f"wing weighs {float(structural.get('wing_mass')):g} kg here, the sum of the source's spring masses; that of the "
-        "LEI thesis and of `v3_kite_detailed` weighs "
+        "Lines of 0.55 GPa are the numerical choice of the source, not Dyneema, which has about 100 GPa (last row). "
+        f"The wing weighs {float(structural.get('wing_mass')):g} kg here, the sum of the source's spring masses; that "
+        "of the LEI thesis and of `v3_kite_detailed` weighs "
         f"{float(loaded('v3_kite_detailed')[0].structural_core().get('wing_mass')):g} kg.",
-        "Validity: lines are known to be good up to 1 % of strain (docs/scenes.md, Validity). C_L and C_D of the wing on "
-        "19.753 m²; glide is lift over drag with the lines; pull is the force on the bridle point, weight of the control "
-        "unit included; time of the coupling loop, both solvers in one process.",
+        "Validity: lines are known to be good up to 1 % of strain (docs/scenes.md, Validity). C_L and C_D of the wing "
+        "on 19.753 m²; glide is lift over drag with the lines; pull is the force on the bridle point, weight of the "
+        "control unit included; time of the coupling loop, both solvers in one process.",
     )
 
 
