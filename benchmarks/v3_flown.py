@@ -41,7 +41,7 @@ def results(quick):
             [
                 f"{speed:g}",
                 f"{float(structural.get('line_modulus')) / 1e9:g}",
-                f"{100.0 * float(structural.get('largest_line_strain')):.2g}",
+                f"{100.0 * float(structural.get('largest_line_strain')):.3g}",
                 verdict(run),
                 run.status,
                 str(run.result.iterations),
