@@ -106,8 +106,8 @@ def _tip_within(edges, apart, wind):
     where that cannot be told.
 
     Between the tips is a step far longer than those beside it, as the one between first and last row is not though it
-    is no shorter: beginning there saves no way (what does is a `_shortcut`). From there the rows are in order and make a
-    mirror wing, which they do not from the first row.
+    is no shorter: beginning there saves no way (what does is a `_shortcut`). From there the rows are in order and make
+    a mirror wing, which they do not from the first row.
     """
     gap = _gaps(apart)
     k = int(np.argmax(gap[:-1]))
