@@ -104,13 +104,29 @@ class StripPolars:
         return ((c3 * s + c2) * s + c1) * s + c0
 
 
-def _common_ends(ends, span, at):
-    """The range (n,2) rad in which the sections on either side of `at` (n,) have data: `ends` (sections,2) rad."""
+def sections_beside(span, at):
+    """Indices (n,) of the sections at `span` (sections,) left and right of strips at `at` (n,), from which these are
+    blended; twice the same one for a strip that stands on a section or beyond the outermost ones.
+    """
+    at = np.clip(at, span[0], span[-1])
     near = ON_SECTION * np.ptp(span)
     left = np.clip(np.searchsorted(span, at + near, side="right") - 1, 0, len(span) - 1)
     right = np.clip(np.searchsorted(span, at - near, side="left"), 0, len(span) - 1)
+    return left, right
+
+
+def _common_ends(ends, span, at):
+    """The range (n,2) rad in which the sections on either side of `at` (n,) have data: `ends` (sections,2) rad.
+    ValueError where they have none in common.
+    """
+    left, right = sections_beside(span, at)
     low, high = ends.T
-    return np.stack([np.maximum(low[left], low[right]), np.minimum(high[left], high[right])], axis=1)
+    common = np.stack([np.maximum(low[left], low[right]), np.minimum(high[left], high[right])], axis=1)
+    apart = np.flatnonzero(common[:, 0] >= common[:, 1])
+    if len(apart):
+        i, j = int(left[apart[0]]), int(right[apart[0]])
+        raise ValueError(f"The tables of sections {i} and {j} share no range of angles; widen one of them.")
+    return common
 
 
 def _pieces(alpha, values, low, high):

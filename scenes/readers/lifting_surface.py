@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from aero.vortex_step.polars import sections_beside
+
 from ..builders.interface import arc_length, nearest_stations
 from ..interface import Interface
 from ..members import Members
@@ -16,6 +18,8 @@ from .polars import at_common_angles, read_curves
 from .span_order import check_span_order
 from .tables import Table, name, number, read_table
 
+# Least range deg that polars blended in a strip share, or the whole of one: a strip in it flies on data of both.
+OVERLAP = 1.0
 QUARTER = 0.25  # of the chord: where the lifting line is
 
 
@@ -109,7 +113,23 @@ def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float, in
     polar = np.array([used.index(key) for key in sections["polar"]])
     alpha, cl, cd, cm, ends = at_common_angles([curves[key] for key in used])
     span, strips = _places(*design_edges(sections, scale), interface)
+    _check_ranges(f"{folder.name}/{wing.polars}", sections, curves, sections_beside(span, strips))
     return SectionPolars(alpha, cl, cd, cm, ends, polar, span, strips)
+
+
+def _check_ranges(where, sections, curves, beside):
+    """`SceneError` where a strip is blended of two polars, those of the sections `beside` it, which have too few angles
+    in common for a coefficient of both.
+    """
+    for left, right in sorted(set(zip(*(rows.tolist() for rows in beside), strict=True))):
+        keys = [sections["polar"][row] for row in (left, right)]
+        (low, high), (low_2, high_2) = (curves[key][0, [0, -1]] for key in keys)
+        if min(high, high_2) - max(low, low_2) < min(OVERLAP, high - low, high_2 - low_2):
+            raise SceneError(
+                f"{where}: polar '{keys[0]}' goes from {low:g} to {high:g} deg and polar '{keys[1]}' from {low_2:g} to "
+                f"{high_2:g} deg, but strips between {sections.at(left)} and row {sections.lines[right]} blend both; "
+                f"widen them until they share {OVERLAP:g} deg or more."
+            )
 
 
 def _quarter_chord(leading_edge, trailing_edge):

@@ -143,6 +143,17 @@ def test_strip_has_data_where_both_tables_beside_it_have_and_one_on_a_section_wh
     np.testing.assert_allclose(np.diff(cl), np.diff(cl)[0], rtol=1e-12)  # two sections: linear along the span
 
 
+@pytest.mark.parametrize("second", [(12.0, 20.0), (10.0, 20.0)])
+def test_strip_between_tables_without_a_common_range_has_no_polar(second):
+    """Touching at one angle is no range. Strips that stand on the sections need none."""
+    alpha, zero = np.deg2rad([-10.0, 0.0, 10.0, 12.0, 20.0]), np.zeros((2, 5))
+    ends = np.deg2rad([(-10.0, 10.0), second])
+    with pytest.raises(ValueError, match="sections 0 and 1 share no range"):
+        StripPolars.from_tables(alpha, zero, zero, zero, [0.0, 1.0], [0.0, 0.5], ends)
+    on = StripPolars.from_tables(alpha, zero, zero, zero, [0.0, 1.0], [0.0, 1.0], ends)
+    np.testing.assert_array_equal(on.ends, ends)
+
+
 def test_wing_whose_halves_have_data_over_unlike_ranges_is_not_its_mirror_image():
     cl = np.zeros((2, len(WIDE)))  # the same values, known over other ranges
     unlike, alike = (

@@ -1,6 +1,7 @@
 """Polars that do not share their angles: a point that did not converge, another step, another range."""
 
 import numpy as np
+import pytest
 
 import scenes
 from scenes.readers.polars import SAME_ANGLE, at_common_angles
@@ -137,3 +138,44 @@ def test_strips_beside_a_polar_of_shorter_range_are_counted_as_beyond_it(tmp_pat
     assert beyond[0] == 0
     assert abs(beyond[1] - on_the_left) <= 1  # the one beside the last short section
     assert 0 < beyond[1] < total[1] // 2
+
+
+def _two_polars(folder, ranges, panels):
+    """A typical section whose ends have cl = 0.1 alpha_deg over the given ranges deg, in so many strips."""
+    folder = copy_of("typical_section", folder)
+    sections = (folder / "sections.csv").read_text()
+    (folder / "sections.csv").write_text(sections.replace("1,plate", "1,first").replace("2,plate", "2,second"))
+    rows = [
+        f"{key},{a!r},{0.1 * a!r},0.0,0.0"
+        for key, (low, high) in zip(("first", "second"), ranges, strict=True)
+        for a in np.linspace(low, high, 6).tolist()
+    ]
+    (folder / "polars.csv").write_text("\n".join(["polar,alpha_deg,cl,cd,cm", *rows]) + "\n")
+    return scenes.load(folder, {"panels_per_section": panels})
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [((-10.0, -5.0), (5.0, 20.0)), ((5.0, 20.0), (-10.0, -5.0)), ((-10.0, 5.0), (5.0, 20.0)),
+     ((-10.0, 5.5), (5.0, 20.0))],
+)  # fmt: skip
+def test_strip_between_polars_that_share_no_range_is_refused_with_both_of_them(first, second, tmp_path):
+    with pytest.raises(scenes.SceneError) as caught:
+        _two_polars(tmp_path, (first, second), 1)
+    assert str(caught.value) == (
+        f"typical_section/polars.csv: polar 'first' goes from {first[0]:g} to {first[1]:g} deg and polar 'second' from "
+        f"{second[0]:g} to {second[1]:g} deg, but strips between typical_section/sections.csv row 2 and row 3 blend "
+        "both; widen them until they share 1 deg or more."
+    )
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [((-10.0, 6.0), (5.0, 20.0)), ((-10.0, 20.0), (5.0, 5.5)), ((-0.2, 0.2), (-0.2, 0.2))]
+)
+def test_straight_polars_give_their_line_over_the_range_they_share(first, second, tmp_path):
+    """One degree, or all of a narrow polar: the blend of two pieces of one line is that line, and is not flagged."""
+    polars = _two_polars(tmp_path, (first, second), 3).strip_polars()
+    for degrees in np.linspace(max(first[0], second[0]), min(first[1], second[1]), 7):
+        cl, _, outside = polars.lift(np.full(3, np.deg2rad(degrees)))
+        np.testing.assert_allclose(cl, 0.1 * degrees, atol=1e-13)  # rounding
+        assert not outside[1]

@@ -89,6 +89,81 @@ def test_arc_whose_tips_almost_touch_is_in_order(rows, degrees, tmp_path):
     assert _refusal(_arc(rows, degrees), tmp_path) == ""
 
 
+def _on_circle(degrees, sweep=0.0, radius=3.0):
+    """A wing of chord 1 m with rows at these angles from the top of a circle, its tips swept back by `sweep` deg."""
+    t = np.deg2rad(np.asarray(degrees, float))
+    le = np.column_stack([np.tan(np.deg2rad(sweep)) * radius * np.abs(t), radius * np.sin(t), radius * np.cos(t)])
+    return np.hstack([le, le + np.array([1.0, 0.0, 0.0])])
+
+
+# Tips nearer to each other than rows at mid-span are.
+CLOSING = {
+    "30 deg open, few rows above": _on_circle([-165, -160, -150, -90, 0, 90, 150, 160, 165]),
+    "44 deg open, close tip rows": _on_circle([-158, -150, -90, -30, 30, 90, 150, 158]),
+    "44 deg open, close tip rows, swept": _on_circle([-158, -150, -90, -30, 30, 90, 150, 158], 20.0),
+    "one wide bay in the middle": _on_circle([-165, -140, -115, -90, -40, 40, 90, 115, 140, 165]),
+    "rows not opposite each other": _on_circle([-162, -100, -80, -25, 10, 24, 90, 133, 148, 162], 10.0),
+    "three rows": _on_circle([-120, 0, 120], 10.0, 1.0),
+    "three rows, almost closed": _on_circle([-165, 0, 165], 10.0, 1.0),
+    "three rows, the middle one aside": _on_circle([-130, 15, 130], 10.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("shape", CLOSING)
+@pytest.mark.parametrize("azimuth", [0.0, 90.0, 200.0])
+def test_wing_whose_tips_are_nearer_than_its_rows_is_in_order(shape, azimuth, tmp_path):
+    a = np.deg2rad(azimuth)
+    turn = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    edges = np.hstack([CLOSING[shape][:, :3] @ turn.T, CLOSING[shape][:, 3:] @ turn.T])
+    assert _refusal(edges, tmp_path, tuple(turn @ DOWNWIND)) == ""
+    assert _refusal(edges[::-1], tmp_path, tuple(turn @ DOWNWIND)).endswith("reverse the rows.")
+
+
+def _same_round(order):
+    """All orders that go round as this one, from any row and either way."""
+    n = len(order)
+    return {tuple(np.roll(order, k)[::way].tolist()) for k in range(n) for way in (1, -1)}
+
+
+@pytest.mark.parametrize("shape", CLOSING)
+def test_rows_of_a_closing_wing_that_do_not_go_round_are_refused(shape, tmp_path):
+    """The remedies lead to an order that goes round it."""
+    edges = CLOSING[shape]
+    round_it = _same_round(range(len(edges)))
+    for slip in set(_slips(len(edges))) - round_it:
+        order = list(slip)
+        message = _refusal(edges[order], tmp_path)
+        assert message.startswith("wing/struts.csv row "), slip
+        while "shorter with" in message:
+            before = _length(edges[order])
+            order = _followed(order, message.partition("shorter with ")[2].partition(";")[0])
+            assert _length(edges[order]) < before
+            message = _refusal(edges[order], tmp_path)
+        assert tuple(order) in round_it, slip
+
+
+def _length(edges):
+    return np.linalg.norm(np.diff(edges, axis=0), axis=1).sum()
+
+
+@pytest.mark.parametrize("shape", list(CLOSING)[:3])
+@pytest.mark.parametrize("way", [1, -1])
+def test_wing_cut_at_mid_span_is_refused_with_its_tips(shape, way, tmp_path):
+    """Its first and last row are as near as neighbours are, and its tips stand in the middle of the table."""
+    edges = CLOSING[shape]
+    for cut in (len(edges) // 2, (len(edges) + 1) // 2):
+        order = np.roll(np.arange(len(edges)), -cut)[::way]
+        left, right = sorted((list(order).index(0), list(order).index(len(edges) - 1)))
+        assert f"whose tips are rows {left + 2} and {right + 2} by the gap" in _refusal(edges[order], tmp_path)
+
+
+@pytest.mark.parametrize("first", range(12))
+def test_ring_may_begin_at_any_row(first, tmp_path):
+    """Twelve rows 30 deg apart: no step tells where the tips are."""
+    ring = np.roll(_on_circle(np.arange(-165, 166, 30)), first, axis=0)
+    assert "row " not in _refusal(ring, tmp_path)
+
+
 def test_wing_on_end_has_no_left_and_right(tmp_path):
     """A sail: its span stands along z, and either end may come first."""
     sail = _in_plane(np.zeros(5), np.arange(5.0))
