@@ -12,6 +12,7 @@ from .topology import connected_nodes, edges, enclosed_volume, open_sides, orien
 # A middle node must lie nearer to the middle of its side than this times the length: at a quarter along the side the
 # map of the triangle is singular; an arc of 120 degrees is 0.29 away, the middle of another side of equal length 0.5.
 ALONG, AWAY = 0.25, 0.4
+FAR = 1e9  # m from the origin
 SHOWN = 4  # parts named in a sentence
 
 
@@ -21,9 +22,10 @@ def check_triangles(mesh: TriangleMesh) -> None:
     """
     if not len(mesh.triangles):
         raise SceneError(f"{mesh.label} has no triangles; a membrane is a surface of triangles: mesh its surfaces.")
-    bad = np.flatnonzero(~np.all(np.isfinite(mesh.nodes), axis=1))
+    bad = np.flatnonzero(~np.all(np.abs(mesh.nodes) <= FAR, axis=1))
     if len(bad):
-        raise SceneError(f"{mesh.label}: node{listed(1 + bad)} is no finite point; correct the coordinates.")
+        where = agreed(len(bad), "is at no finite place", "are at no finite places")
+        raise SceneError(f"{mesh.label}: node{listed(1 + bad)} {where} within {FAR:g} m; correct the coordinates.")
     x = mesh.nodes[mesh.corners]
     area = 0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
     longest = np.linalg.norm(x[:, [1, 2, 0]] - x, axis=2).max(axis=1)

@@ -85,6 +85,11 @@ def _content(path: Path, label: str) -> tuple[Any, tuple[str, ...]]:
         raise SceneError(f"{label} needs the package {error.name} to be read; install it, or save as .msh.") from None
     except (Exception, SystemExit) as error:  # readers of meshio raise whatever their parsing runs into
         reason = " ".join(str(error).split()) if not isinstance(error, SystemExit) else ""
+        if "gmsh:physical" in reason:  # meshio wants all or none of version 4
+            raise SceneError(
+                f"{label}: some elements are in a physical group and others in none; put all that are saved in groups, "
+                "or save the file in version 2 (in Gmsh: Mesh.MshFileVersion = 2.2)."
+            ) from None
         raise _unreadable(label, path, reason) from None
     if any("could not be read" in str(w.message) for w in caught):  # numpy, of numbers that are none
         raise _unreadable(label, path, "it ends too early")

@@ -39,11 +39,7 @@ def test_gmsh_2_and_4_bring_nodes_elements_and_physical_groups(tmp_path, order, 
     assert read.remarks == ()
 
 
-def test_an_element_of_gmsh_4_may_be_in_two_groups(tmp_path):
-    """Version 4 keeps groups with the surfaces, so one may have several; written as Gmsh does, without coordinates of
-    its entities that matter.
-    """
-    text = """$MeshFormat
+TWO_SURFACES = """$MeshFormat
 4.1 0 8
 $EndMeshFormat
 $PhysicalNames
@@ -76,11 +72,23 @@ $Elements
 2 10 30 40
 $EndElements
 """
+
+
+def test_an_element_of_gmsh_4_may_be_in_two_groups(tmp_path):
     path = tmp_path / "two.msh"
-    path.write_text(text)
+    path.write_text(TWO_SURFACES)
     read = read_mesh(path)
     assert read.triangles_of("canopy").tolist() == [0, 1]
     assert read.triangles_of("inflated").tolist() == [0]
+
+
+def test_gmsh_4_with_elements_in_no_group_is_answered_with_the_remedy(tmp_path):
+    path = tmp_path / "two.msh"
+    path.write_text(TWO_SURFACES.replace("2 0 0 0 1 1 0 1 1 0", "2 0 0 0 1 1 0 0 0"))
+    with pytest.raises(
+        SceneError, match="some elements are in a physical group and others in none; put all that are sav"
+    ):
+        read_mesh(path)
 
 
 @pytest.mark.parametrize(("ending", "digits"), [(".vtu", 1e-12), (".vtk", 1e-12), (".stl", 1e-6), (".obj", 1e-12),
@@ -200,7 +208,8 @@ BAD = {
               "m.msh: element 1 is of the type triangle10; "),
     "no triangle": (SQUARE, [(1, (1, 2))], "m.msh has no triangles; a membrane is a surface of triangles"),
     "unknown node": (SQUARE, [(1, (1, 2, 9))], "m.msh is not a readable .msh file"),
-    "not finite": ([*SQUARE[:3], [0, np.nan, 0]], HALVES, "m.msh: node 4 is no finite point; correct the coordinates."),
+    "not finite": ([*SQUARE[:3], [0, np.nan, 0]], HALVES, "m.msh: node 4 is at no finite place within 1e+09 m; correct"),
+    "far off": ([*SQUARE[:3], [0, 1e200, 0]], HALVES, "m.msh: node 4 is at no finite place within 1e+09 m; correct"),
     "mixed order": ([*TRIANGLE6, [1, 1, 0]], [(1, (1, 2, 3, 4, 5, 6)), (1, (2, 7, 3))],
                     "m.msh mixes elements of first and second order (1 triangle, 1 triangle6); save all of one order."),
     "middle off": (TRIANGLE6, [(1, (1, 2, 3, 5, 4, 6))],
