@@ -208,7 +208,7 @@ BAD = {
               "m.msh: element 1 is of the type triangle10; "),
     "no triangle": (SQUARE, [(1, (1, 2))], "m.msh has no triangles; a membrane is a surface of triangles"),
     "unknown node": (SQUARE, [(1, (1, 2, 9))], "m.msh is not a readable .msh file"),
-    "not finite": ([*SQUARE[:3], [0, np.nan, 0]], HALVES, "m.msh: node 4 is at no finite place within 1e+09 m; correct"),
+    "not finite": ([*SQUARE[:3], [0, np.nan, 0]], HALVES, "m.msh: node 4 is at no finite place within 1e+09 m; "),
     "far off": ([*SQUARE[:3], [0, 1e200, 0]], HALVES, "m.msh: node 4 is at no finite place within 1e+09 m; correct"),
     "mixed order": ([*TRIANGLE6, [1, 1, 0]], [(1, (1, 2, 3, 4, 5, 6)), (1, (2, 7, 3))],
                     "m.msh mixes elements of first and second order (1 triangle, 1 triangle6); save all of one order."),
