@@ -118,6 +118,15 @@ def agreed(count: int, one: str, many: str) -> str:
     return one if count == 1 else many
 
 
+def distinct_pairs(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The distinct rows (u,2) of pairs (p,2) of node indices, ascending, where each stands first (u,), and which of
+    them each pair is (p,).
+    """
+    base = int(pairs.max(initial=0)) + 1  # one number a pair: several times faster to sort than rows
+    _, first, which = np.unique(pairs[:, 0] * base + pairs[:, 1], return_index=True, return_inverse=True)
+    return pairs[first], first, which
+
+
 def _united(rows: Sequence[np.ndarray]) -> np.ndarray:
     return np.unique(np.concatenate([np.zeros(0, dtype=int), *rows]))
 
@@ -183,16 +192,16 @@ def welded(mesh: TriangleMesh, tolerance: float) -> TriangleMesh:
     triangles, lines = to[mesh.triangles], to[mesh.lines]
     whole = np.flatnonzero(np.all(triangles[:, :3] != np.roll(triangles[:, :3], -1, axis=1), axis=1))
     ends = np.sort(lines[:, :2], axis=1)
-    one, same = np.unique(ends, axis=0, return_index=True, return_inverse=True)[1:]
-    own = one[same.ravel()] if len(lines) else np.zeros(0, dtype=int)  # the first line of the same ends
+    _, one, same = distinct_pairs(ends)
+    own = one[same]  # the first line of the same ends
     kept = np.flatnonzero((own == np.arange(len(lines))) & (ends[:, 0] != ends[:, 1]))
     return without_nodes(
         replace(
             mesh,
             triangles=triangles[whole],
             lines=lines[kept],
-            triangle_parts={k: _renumbered(rows, whole, len(triangles)) for k, rows in mesh.triangle_parts.items()},
-            line_parts={k: _renumbered(own[rows], kept, len(lines)) for k, rows in mesh.line_parts.items()},
+            triangle_parts={k: renumbered(rows, whole, len(triangles)) for k, rows in mesh.triangle_parts.items()},
+            line_parts={k: renumbered(own[rows], kept, len(lines)) for k, rows in mesh.line_parts.items()},
             point_parts={k: np.unique(to[rows]) for k, rows in mesh.point_parts.items()},
             triangle_numbers=1 + np.arange(len(whole)),
             line_numbers=1 + np.arange(len(kept)),
@@ -205,7 +214,7 @@ def _used(triangles, lines, loose, parts, to):
     return np.concatenate([triangles.ravel(), lines.ravel(), loose, *(to[rows] for rows in parts.values())])
 
 
-def _renumbered(rows: np.ndarray, kept: np.ndarray, count: int) -> np.ndarray:
+def renumbered(rows: np.ndarray, kept: np.ndarray, count: int) -> np.ndarray:
     """Where `rows` of `count` stand among the ones that are `kept`; those that are not are left out."""
     place = np.full(count, -1)
     place[kept] = np.arange(len(kept))
@@ -226,7 +235,7 @@ def without_nodes(mesh: TriangleMesh, dropped: np.ndarray) -> TriangleMesh:
     kept = np.setdiff1d(np.arange(len(mesh.nodes)), dropped)
     place = np.full(len(mesh.nodes), -1)
     place[kept] = np.arange(len(kept))
-    points = {k: _renumbered(rows, kept, len(mesh.nodes)) for k, rows in mesh.point_parts.items()}
+    points = {k: renumbered(rows, kept, len(mesh.nodes)) for k, rows in mesh.point_parts.items()}
     return replace(
         mesh,
         nodes=mesh.nodes[kept],
@@ -246,11 +255,11 @@ def quadratic(mesh: TriangleMesh, project: Callable[[np.ndarray, np.ndarray], np
         return mesh
     m, n = len(mesh.triangles), len(mesh.nodes)
     sides = np.concatenate([mesh.triangles[:, s] for s in SIDES] + [mesh.lines[:, :2]])
-    ends, edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
+    ends, _, edge = distinct_pairs(np.sort(sides, axis=1))
     middle = 0.5 * (mesh.nodes[ends[:, 0]] + mesh.nodes[ends[:, 1]])
     if project is not None:
         middle = project(middle, ends)
-    new = n + edge.ravel()
+    new = n + edge
     return replace(
         mesh,
         nodes=np.concatenate([mesh.nodes, middle]),

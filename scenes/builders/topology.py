@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from .mesh import SIDES
+from .mesh import SIDES, distinct_pairs
 
 # Points and weights of a rule on the triangle that is exact to degree 4 (Dunavant 1985, six points, in closed form):
 # the volume under a triangle of second order is of degree 4.
@@ -38,10 +38,9 @@ class Edges:
 def edges(triangles: np.ndarray) -> Edges:
     """The edges of triangles (m,3|6)."""
     sides = triangles[:, SIDES].reshape(-1, 2)
-    ends, of = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
-    of = of.ravel()
+    ends, _, of = distinct_pairs(np.sort(sides, axis=1))
     forward = (sides[:, 0] < sides[:, 1]).reshape(-1, 3)
-    return Edges(ends.reshape(-1, 2), of.reshape(-1, 3), forward, np.bincount(of, minlength=len(ends)))
+    return Edges(ends, of.reshape(-1, 3), forward, np.bincount(of, minlength=len(ends)))
 
 
 def boundary_edges(triangles: np.ndarray) -> np.ndarray:

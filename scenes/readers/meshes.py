@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..builders.mesh import Parts, TriangleMesh, agreed, turned
+from ..builders.mesh import Parts, TriangleMesh, agreed, renumbered, turned
 from ..builders.mesh_checks import check_connected, check_no_loose_nodes, check_triangles, without_loose_nodes
 from ..builders.topology import outward_flips
 from ..schema import SceneError
@@ -52,7 +52,7 @@ def read_mesh(
         raise SceneError(f"{label}: unit cannot be '{unit}'; choose one of: {', '.join(UNITS)}.")
     content, remarks = _content(path, label)
     blocks = _blocks(content, label)
-    mesh = replace(_assembled(content, blocks, label, groups, UNITS[unit or "m"]), remarks=remarks)
+    mesh = replace(_once(_assembled(content, blocks, label, groups, UNITS[unit or "m"])), remarks=remarks)
     check_triangles(mesh)
     _check_size(mesh, unit)
     if drop_loose_nodes:
@@ -87,8 +87,8 @@ def _content(path: Path, label: str) -> tuple[Any, tuple[str, ...]]:
         reason = " ".join(str(error).split()) if not isinstance(error, SystemExit) else ""
         if "gmsh:physical" in reason:  # meshio wants all or none of version 4
             raise SceneError(
-                f"{label}: some elements are in a physical group and others in none; put all that are saved in groups, "
-                "or save the file in version 2 (in Gmsh: Mesh.MshFileVersion = 2.2)."
+                f"{label}: some elements are in a physical group and others in none; save only those in groups "
+                "(in Gmsh: Mesh.SaveAll = 0), or put all in groups."
             ) from None
         raise _unreadable(label, path, reason) from None
     if any("could not be read" in str(w.message) for w in caught):  # numpy, of numbers that are none
@@ -105,9 +105,9 @@ def _is_gmsh(path: Path) -> bool:
 
 def _unreadable(label: str, path: Path, reason: str) -> SceneError:
     what = f" ({reason[:120]})" if reason else ""
-    return SceneError(
-        f"{label} is not a readable {path.suffix} file{what}; save it again, for example as .msh or .vtu."
-    )
+    gmsh = path.suffix.lower() == ".msh"
+    how = "in Gmsh with Mesh.MshFileVersion = 4.1 or 2.2" if gmsh else "for example as .msh or .vtu"
+    return SceneError(f"{label} is not a readable {path.suffix} file{what}; save it again, {how}.")
 
 
 def _blocks(content: Any, label: str) -> list[tuple[str, np.ndarray, int]]:
@@ -179,6 +179,39 @@ def _assembled(content: Any, blocks: Sequence[Any], label: str, groups: str | No
         np.concatenate([np.zeros(0, dtype=int), *numbers[2]]),
         np.concatenate([np.zeros(0, dtype=int), *numbers[1]]),
     )
+
+
+def _once(mesh: TriangleMesh) -> TriangleMesh:
+    """The mesh with elements once that stand in it once for each of their groups, as version 2 of Gmsh writes them.
+
+    They have the same nodes in the same order, each in a group of its own; others that coincide stay as they are.
+    """
+    triangles, surface = _kept(mesh.triangles, mesh.triangle_parts)
+    lines, line = _kept(mesh.lines, mesh.line_parts)
+    return replace(
+        mesh,
+        triangles=mesh.triangles[triangles],
+        lines=mesh.lines[lines],
+        triangle_parts=surface,
+        line_parts=line,
+        triangle_numbers=mesh.triangle_numbers[triangles],
+        line_numbers=mesh.line_numbers[lines],
+    )
+
+
+def _kept(elements: np.ndarray, parts: Parts) -> tuple[np.ndarray, Parts]:
+    """Rows of elements to keep, and the parts with them."""
+    n = len(elements)
+    _, first, which = np.unique(elements, axis=0, return_index=True, return_inverse=True)
+    to, own = first[which.ravel()] if n else np.zeros(0, dtype=int), np.arange(n)
+    groups, apart = np.zeros(n, dtype=int), np.zeros(n, dtype=bool)
+    for rows in parts.values():
+        groups[rows] += 1
+        apart |= np.bincount(to[rows], minlength=n) > 1
+    apart |= np.bincount(to, groups == 0, n) > 0
+    to = np.where(apart[to], own, to)
+    kept = np.flatnonzero(to == own)
+    return kept, {name: renumbered(to[rows], kept, n) for name, rows in parts.items()}
 
 
 def _united(parts: dict[str, list[np.ndarray]]) -> Parts:

@@ -82,11 +82,25 @@ def test_an_element_of_gmsh_4_may_be_in_two_groups(tmp_path):
     assert read.triangles_of("inflated").tolist() == [0]
 
 
+def test_gmsh_2_writes_an_element_once_for_each_of_its_groups(tmp_path):
+    names = [(2, 1, "canopy"), (2, 2, "inflated"), (1, 3, "rim"), (1, 4, "held")]
+    elements = [(3, (1, 2)), (4, (1, 2)), (1, (1, 2, 3)), (2, (1, 2, 3)), (1, (1, 3, 4))]
+    read = read_mesh(msh2(tmp_path / "m.msh", SQUARE, elements, names))
+    assert read.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert read.triangle_numbers.tolist() == [3, 5]
+    assert read.triangles_of("canopy").tolist() == [0, 1]
+    assert read.triangles_of("inflated").tolist() == [0]
+    assert read.lines_of("rim").tolist() == read.lines_of("held").tolist() == [0]
+    for twice in ((1, (1, 2, 3)), (2, (2, 3, 1)), (0, (1, 2, 3))):  # in one group, from another corner, in none
+        with pytest.raises(SceneError, match=r"stands? on the corners of another triangle"):
+            read_mesh(msh2(tmp_path / "m.msh", SQUARE, [*HALVES, twice]))
+
+
 def test_gmsh_4_with_elements_in_no_group_is_answered_with_the_remedy(tmp_path):
     path = tmp_path / "two.msh"
     path.write_text(TWO_SURFACES.replace("2 0 0 0 1 1 0 1 1 0", "2 0 0 0 1 1 0 0 0"))
     with pytest.raises(
-        SceneError, match="some elements are in a physical group and others in none; put all that are sav"
+        SceneError, match="some elements are in a physical group and others in none; save only those in g"
     ):
         read_mesh(path)
 
@@ -315,3 +329,32 @@ def test_no_package_under_the_gpl_is_imported():
     script = "import sys, scenes.readers.meshes, meshio; print('gmsh' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=True)
     assert done.stdout.strip() == "False"
+
+
+@pytest.mark.parametrize("ending", [".msh", ".vtu", ".stl", ".obj"])
+def test_a_damaged_file_is_read_or_refused_in_one_sentence(tmp_path, ending):
+    if ending == ".msh":
+        path = written(
+            tmp_path / "m.msh", surfaces.airbag(1.0, 2, "eighth"), groups=True, file_format="gmsh22", binary=False
+        )
+    else:
+        path = written(tmp_path / f"m{ending}", surfaces.sphere(1.0, 1))
+    whole, rng = path.read_bytes(), np.random.default_rng(5)
+    refused = []
+    for _ in range(100):
+        content = bytearray(whole)
+        at = rng.integers(len(content))
+        if rng.random() < 0.5:
+            content[at] = rng.integers(256)
+        else:
+            del content[at : at + rng.integers(1, 40)]
+        path.write_bytes(content)
+        try:
+            read_mesh(path, unit="m", parts_may_be_apart=True)
+        except SceneError as error:
+            refused.append(str(error))
+    for sentence in refused:
+        assert sentence.startswith(f"{tmp_path.name}/m{ending}")
+        assert sentence.endswith(".")
+        assert "\n" not in sentence
+    assert len(refused) > 30  # the rest is a digit of a coordinate, or a comment
