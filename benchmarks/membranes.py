@@ -5,8 +5,8 @@ import functools
 
 import numpy as np
 
-from .membrane_models import airbag, hencky, inflated, principal
 from .membrane_forms import AIRBAG_HEIGHT, AIRBAG_STRESS, circular_membrane
+from .membrane_models import airbag, hencky, inflated, principal
 from .registry import Case, Curve, Fit, Outcome
 
 PRESSURE, THICKNESS = 5000.0, 0.6e-3  # Pa, m

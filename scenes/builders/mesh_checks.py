@@ -191,15 +191,20 @@ def check_pattern(mesh: TriangleMesh, pattern: np.ndarray) -> None:
             )
 
 
-def check_supports(mesh: TriangleMesh, fixed: np.ndarray, others: Sequence[np.ndarray] = ()) -> None:
+def check_supports(
+    mesh: TriangleMesh, fixed: np.ndarray, others: Sequence[np.ndarray] = (), hanging: bool = False
+) -> None:
     """Raises where the supports `fixed` (n,3), true where a node is held along an axis, leave rigid modes to a part of
-    triangles and lines, with `others` (e,k) elements on the same nodes.
+    triangles and lines, with `others` (e,k) elements on the same nodes; where they are `hanging`, translations only:
+    their weight turns them to where they come to rest.
     """
     part = connected_nodes(len(mesh.nodes), (mesh.triangles, mesh.lines, *others))
     count = part.max(initial=-1) + 1
     for k in range(count):
         at = np.flatnonzero(part == k)
         modes = rigid_modes(mesh.nodes[at], fixed[at])
+        if hanging:
+            modes = tuple(mode for mode in modes if mode.about is None)
         if modes:
             which = _first_element(mesh, part, k) if count > 1 else ""
             raise SceneError(

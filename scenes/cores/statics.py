@@ -1,6 +1,6 @@
 """The structural solver of a quasi-static scene: loads in, interface displacements out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class Statics(Solver):
         start = (
             self._softened_start(assembly, values, loads, state) if first and model.members.wing is not None else state
         )
-        found = equilibrium(assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations)
+        found = self._equilibrium(assembly, loads, start, tolerance, groups)
         if not found.converged:
             moved = np.linalg.norm(found.x - state.x, axis=1)
             raise StepFailed(
@@ -85,9 +85,23 @@ class Statics(Solver):
             "newton_iterations": found.iterations,
             "symmetry_used": float(symmetric),
         }
+        out |= model.membrane_reactions(values, groups, loads, found.x, found.rotations)
         if "hold_roll_and_yaw" in values:
             out |= self._holding(values, groups, loads, shape, held)
         return Result(out, shape)
+
+    def _equilibrium(self, assembly, loads, start, tolerance, groups):
+        """Balance within `tolerance` N, of membranes within RELATIVE of the external forces too."""
+        if self.model.membranes is None:
+            return equilibrium(assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations)
+        from .membranes import RELATIVE
+
+        found = equilibrium(assembly, loads, start.x, 0.0, RELATIVE, groups=groups, rotations=start.rotations)
+        if not found.converged or found.residual <= tolerance:
+            return found
+        exact = equilibrium(assembly, loads, found.x, tolerance, groups=groups, rotations=found.rotations)
+        norms = (*found.residuals, *exact.residuals[1:])
+        return replace(exact, iterations=found.iterations + exact.iterations, residuals=norms)
 
     @staticmethod
     def _is_held(values):

@@ -7,10 +7,10 @@ import numpy as np
 from interface.vectors import cross
 from structural.materials.membranes import SLACK, WRINKLED
 
-from .membranes import Membranes
+from .membranes import MEMBRANE_STRAIN, Membranes
 
 # Largest strain for which the linear law is meant.
-LARGEST_STRAIN = 0.05
+LARGEST_STRAIN = MEMBRANE_STRAIN.limit
 
 
 @dataclass(frozen=True, eq=False)

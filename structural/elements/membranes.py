@@ -18,11 +18,12 @@ sides 01, 12, 20.
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from interface.mirror import canonical_faces
+from interface.validity import Criterion
 from interface.vectors import cross
 from structural.triangles import DEGREE_2, t6_slopes
 
@@ -35,6 +36,17 @@ ALIKE = 1e-9
 # Forces that rounding of positions leaves, over eps stiffness reach; see `rounding`.
 ROUNDING = 0.2
 
+# Up to where the law is meant, and a fabric holds.
+MEMBRANE_STRAIN = Criterion(
+    "largest_membrane_strain", "membrane strain", 0.05, "the law is linear in Green-Lagrange strain; that of fabrics is "
+    "not, far above some per cent",
+    percent=True,
+)  # fmt: skip
+UTILISATION = Criterion(
+    "largest_fabric_utilisation", "fabric utilisation, larger principal force per length over strength", 1.0,
+    "strength of the fabric, as the scene gives it",
+)  # fmt: skip
+
 # Derivatives of the shape functions by the two natural coordinates (points, nodes, 2), and weights of the points in the
 # natural triangle of area 1/2.
 _T3 = np.array([[[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]]), np.array([0.5])
@@ -45,7 +57,8 @@ _RULES = {3: _T3, 6: (t6_slopes(DEGREE_2[0]), DEGREE_2[1])}
 class Membranes(ElementGroup):
     """Triangles `nodes` (e,3) or (e,6) with the stress-free `pattern` (e,3|6,2) m in a plane of their own, or
     (e,3|6,3) in space, `law` (see `materials.membranes`), `angle` (e,) rad of the fibres from the first axis of the
-    pattern (in space: from the side 01) towards the second (None: 0), `mass` (e,) kg/m^2 of the pattern, `names` (e,).
+    pattern (in space: from the side 01) towards the second (None: 0), `mass` (e,) kg/m^2 of the pattern, `names` (e,),
+    `strength` (e,) N/m of the fabric (None, and inf for an element: not known).
 
     ValueError in one sentence for a pattern without area, or one that lists its nodes clockwise.
     """
@@ -56,6 +69,8 @@ class Membranes(ElementGroup):
     angle: np.ndarray | None = None
     mass: np.ndarray | None = None
     names: tuple[str, ...] = field(default=())
+    strength: np.ndarray | None = None
+    counted: ClassVar[str] = "membrane element"
 
     def __post_init__(self):
         e, m = self.nodes.shape
@@ -170,6 +185,26 @@ class Membranes(ElementGroup):
         """See ElementGroup."""
         _, weights = self.geometry
         return float(np.sum(weights * self.law.energy(self.strains(at.x))))
+
+    @property
+    def criteria(self):
+        """See ElementGroup."""
+        return (MEMBRANE_STRAIN,) if self.strength is None else (MEMBRANE_STRAIN, UTILISATION)
+
+    def measured(self, at):
+        """See ElementGroup, and `membrane_results.MembraneState`: `stress` and `cauchy` (e,2) N/m, `direction` (e,3),
+        `strain` (e,2), `state` (e,), `area` (e,) m^2.
+        """
+        from .membrane_results import membrane_state
+
+        return vars(membrane_state(self, at.x))
+
+    def judged(self, measured):
+        """See ElementGroup. A strength is one per present length, as the Cauchy stress is."""
+        found = {MEMBRANE_STRAIN.name: measured["strain"][:, 0]}
+        if self.strength is not None:
+            found[UTILISATION.name] = measured["cauchy"][:, 0] / self.strength
+        return found
 
     @property
     def wrinkles(self):
