@@ -208,13 +208,14 @@ Percent = Annotated[float, Number(low=-50.0, high=50.0)]
 class StructureInput:
     """[structure]: tables of nodes and elements, and what all of them share.
 
-    Tables are `nodes` (which a scene of membranes alone does without), `springs`, `canopy` quads, `lines`, point `masses`; `ribs`, `tubes` and `attachments` of an
-    inflatable wing; `loads` on nodes. `line_modulus` Pa and `line_density` kg/m^3 of lines; `gravity` m/s^2 towards -z;
-    `symmetric`: solve one half; `pivot` the node that the structure pitches about, `hold` that at which roll and yaw
-    can be held. Of an inflatable wing: `tube_pressure` Pa above that of the air, `tube_stiffness` and
-    `tube_shear_stiffness` N/m of the fabric of tubes, `wing_mass` kg, `canopy_stiffness` and `canopy_shear_stiffness`
-    N/m, `canopy_density` kg/m^2, `canopy_bending_stiffness` N m. `tapes` and `reels` are parameters with the lines that
-    they lengthen, `load_values` the start values N of the parameters in the table `loads`.
+    Tables are `nodes` (which a scene of membranes alone does without), `springs`, `canopy` quads, `lines`, point
+    `masses`; `ribs`, `tubes` and `attachments` of an inflatable wing; `loads` on nodes. `line_modulus` Pa and
+    `line_density` kg/m^3 of lines; `gravity` m/s^2 towards -z; `symmetric`: solve one half; `pivot` the node that the
+    structure pitches about, `hold` that at which roll and yaw can be held. Of an inflatable wing: `tube_pressure` Pa
+    above that of the air, `tube_stiffness` and `tube_shear_stiffness` N/m of the fabric of tubes, `wing_mass` kg,
+    `canopy_stiffness` and `canopy_shear_stiffness` N/m, `canopy_density` kg/m^2, `canopy_bending_stiffness` N m.
+    `tapes` and `reels` are parameters with the lines that they lengthen, `load_values` the start values N of the
+    parameters in the table `loads`.
     """
 
     nodes: File | None = None
@@ -308,11 +309,11 @@ class DynamicsInput:
 class FabricInput:
     """[membranes.fabrics.NAME]: what the membranes of some `parts` (groups of triangles; none: all) are made of.
 
-    Alike in all directions: `stiffness` E h N/m, or `modulus` Pa and `thickness` m, and `poisson`. Else `stiffness_warp`,
-    `stiffness_weft` and `shear_stiffness` N/m, `poisson_warp` (contraction along the weft over stretch along the warp),
-    and `warp_direction` (3,), whose trace on a triangle is its warp. `density` kg/m^2; `strength` N/m, up to which the
-    larger principal force per length is borne; `shortening_along` and `shortening_across` the warp, per cent by which
-    the cut is shorter than the mesh.
+    Alike in all directions: `stiffness` E h N/m, or `modulus` Pa and `thickness` m, and `poisson`. Else
+    `stiffness_warp`, `stiffness_weft` and `shear_stiffness` N/m, `poisson_warp` (contraction along the weft over
+    stretch along the warp), and `warp_direction` (3,), whose trace on a triangle is its warp. `density` kg/m^2;
+    `strength` N/m, up to which the larger principal force per length is borne; `shortening_along` and
+    `shortening_across` the warp, per cent by which the cut is shorter than the mesh.
     """
 
     parts: Texts | None = None
@@ -366,9 +367,9 @@ class MembranesInput:
     elements are in (none: those of its format), `drop_loose_nodes` and `parts_may_be_apart`; or it is made: a `shape`
     of sizes `size`, the `share` of it ("whole", ...), how quads are cut by `diagonals`, ends of a cylinder with `caps`,
     and the table `profiles` of a ruled surface. `order` 1 or 2 of the triangles. `patterns` is a table of triangles
-    whose sides are cut in other lengths. `wrinkling`: folds instead of compression. `tie` m: nodes of the mesh this near
-    to one of the table of nodes are that node. `fabrics`, `pressures` and `cables` are tables by name, `supports` groups
-    with the directions that are held.
+    whose sides are cut in other lengths. `wrinkling`: folds instead of compression. `tie` m: nodes of the mesh this
+    near to one of the table of nodes are that node. `fabrics`, `pressures` and `cables` are tables by name, `supports`
+    groups with the directions that are held.
     """
 
     mesh: File | None = None

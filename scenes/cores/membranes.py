@@ -93,7 +93,9 @@ class MembraneModel:
     def shown(self, measured, x, axes):
         """Outputs that follow from a shape: positions x (n,3) m and what the elements `measured` there."""
         area, state = measured["area"], measured["state"]
-        out = dict(zip(STRESS, measured["stress"].T, strict=True)) | dict(zip(CAUCHY, measured["cauchy"].T, strict=True))
+        out = dict(zip(STRESS, measured["stress"].T, strict=True)) | dict(
+            zip(CAUCHY, measured["cauchy"].T, strict=True)
+        )
         out |= {
             "wrinkle_state": state,
             "wrinkle_direction": outward(measured["direction"], axes),

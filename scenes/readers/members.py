@@ -234,6 +234,7 @@ def wing_masses(folder, structure, wing):
 
 def check_connected(folder, structure, labels, fixed, elements, wing, membranes=None):
     """Every free node belongs to an element, and whatever hangs together is held somewhere."""
+    where = f"{folder.name}/{structure.nodes or 'scene.toml [membranes]'}"
     joined = [e.nodes for e in elements]
     if membranes is not None:
         joined += membranes.group.nodes.tolist()
@@ -244,9 +245,7 @@ def check_connected(folder, structure, labels, fixed, elements, wing, membranes=
     used[[n for nodes in joined for n in nodes]] = True
     for n, label in enumerate(labels):
         if not used[n] and not fixed[n].all():
-            raise SceneError(
-                f"{folder.name}/{structure.nodes or 'scene.toml [membranes]'}: node '{label}' belongs to no element; connect or remove it."
-            )
+            raise SceneError(f"{where}: node '{label}' belongs to no element; connect or remove it.")
     pairs = np.array([pair for nodes in joined for pair in pairwise(nodes)]).T
     graph = sp.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(labels), len(labels)))
     count, part = connected_components(graph, directed=False)
@@ -254,8 +253,8 @@ def check_connected(folder, structure, labels, fixed, elements, wing, membranes=
     for n, label in enumerate(labels):
         if not supported[part[n]] and used[n]:
             raise SceneError(
-                f"{folder.name}/{structure.nodes or 'scene.toml [membranes]'}: the part with node '{label}' hangs on no fixed node; connect it "
-                "to the rest or fix one of its nodes."
+                f"{where}: the part with node '{label}' hangs on no fixed node; connect it to the rest or fix one of "
+                "its nodes."
             )
 
 

@@ -43,7 +43,7 @@ def made_mesh(folder: Path, given: MembranesInput, choices: Choices, order: int)
             raise SceneError(f"{where}] {key} means nothing to a {shape}; drop it.")
     whole = {key: _count(f"{where}.size] {key}", given.size[key]) for key in known[len(sizes) :] if key in given.size}
     options = {key: getattr(given, key) for key in keys if key != "profiles"} | {"order": order}
-    lengths = [given.size[key] for key in sizes]
+    lengths: list[Any] = [given.size[key] for key in sizes]
     if shape == "ruled":
         assert given.profiles is not None
         lengths = [_profiles(folder / given.profiles)]
@@ -81,23 +81,23 @@ def _profiles(path: Path) -> list[np.ndarray]:
 
 
 def _rectangle(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
-    return surfaces.rectangle(*lengths, (cells[0], cells[1] or cells[0]), **options)
+    return surfaces.rectangle(lengths[0], lengths[1], (cells[0], cells[1] or cells[0]), **options)
 
 
 def _disc(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
-    return surfaces.disc(*lengths, cells[0], whole.get("sectors", 6), **options)
+    return surfaces.disc(lengths[0], cells[0], whole.get("sectors", 6), **options)
 
 
 def _airbag(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
-    return surfaces.airbag(*lengths, cells[0], **options)
+    return surfaces.airbag(lengths[0], cells[0], **options)
 
 
 def _cylinder(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
-    return surfaces.cylinder(*lengths, (cells[0], cells[1] or cells[0]), **options)
+    return surfaces.cylinder(lengths[0], lengths[1], (cells[0], cells[1] or cells[0]), **options)
 
 
 def _sphere(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
-    return surfaces.sphere(*lengths, cells[0], **options)
+    return surfaces.sphere(lengths[0], cells[0], **options)
 
 
 def _ruled(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:

@@ -106,7 +106,9 @@ def _mesh(folder: Path, given: MembranesInput, choices: Choices) -> TriangleMesh
     file = given.unit, given.groups, given.drop_loose_nodes, given.parts_may_be_apart
     mesh = read_mesh(folder / given.mesh, *file)
     if order < mesh.order:
-        raise SceneError(f"{mesh.label} has triangles of order {mesh.order}, and [membranes] order is 1; say order = 2.")
+        raise SceneError(
+            f"{mesh.label} has triangles of order {mesh.order}, and [membranes] order is 1; say order = 2."
+        )
     return quadratic(mesh) if order == 2 else mesh
 
 
@@ -136,7 +138,8 @@ def _tied(where: str, tie: float, mesh: TriangleMesh, labels: Sequence[str], nod
 
 def _labels(mesh: TriangleMesh, own: np.ndarray, taken: Sequence[str]) -> list[str]:
     """Labels of the nodes `own` of the mesh: the name of the point that they are, or their number."""
-    known, points = set(taken), {}
+    known = set(taken)
+    points: dict[int, str] = {}
     for name, rows in mesh.point_parts.items():
         if len(rows) == 1 and " " not in name and name not in known:
             points.setdefault(int(rows[0]), name)
@@ -158,9 +161,9 @@ def _group(
     if not given.fabrics:
         raise SceneError(f"{where}] has no fabric; add a table [membranes.fabrics.NAME].")
     fabrics, of = list(given.fabrics.values()), _fabric_of(where, given, mesh)
-    constants = np.array([_constants(f"{where}.fabrics.{name}]", f) for name, f in given.fabrics.items()])[of].T
+    e1, e2, nu, g = np.array([_constants(f"{where}.fabrics.{name}]", f) for name, f in given.fabrics.items()])[of].T
     wrinkling = given.wrinkling if choices.wrinkling is None else choices.wrinkling == "on"
-    law = LinearMembrane(*constants, wrinkling)
+    law = LinearMembrane(e1, e2, nu, g, wrinkling)
     pattern, angle = _pattern(folder, given, mesh), np.zeros(len(of))
     for k, (name, fabric) in enumerate(given.fabrics.items()):
         rows = np.flatnonzero(of == k)
@@ -222,16 +225,26 @@ def _constants(where: str, fabric: FabricInput) -> tuple[float, float, float, fl
                 "free; correct one of them."
             )
         return e1, e2, nu, g
-    if fabric.stiffness is not None and (fabric.modulus is not None or fabric.thickness is not None):
-        raise SceneError(f"{where} has a stiffness, and a modulus or thickness; drop one: stiffness is their product.")
-    need = ("stiffness", "poisson") if fabric.modulus is None and fabric.thickness is None else (
-        "modulus", "thickness", "poisson"
-    )  # fmt: skip
-    lacking = [key for key in need if getattr(fabric, key) is None]
-    if lacking:
-        raise SceneError(f"{where} lacks '{lacking[0]}'; add it.")
-    e = fabric.stiffness if fabric.stiffness is not None else fabric.modulus * fabric.thickness
+    e = _stiffness(where, fabric)
+    if fabric.poisson is None:
+        raise SceneError(f"{where} lacks 'poisson'; add it.")
     return e, e, fabric.poisson, e / (2.0 * (1.0 + fabric.poisson))
+
+
+def _stiffness(where: str, fabric: FabricInput) -> float:
+    """E h N/m of a fabric that is alike in all directions."""
+    modulus, thickness = fabric.modulus, fabric.thickness
+    if fabric.stiffness is not None:
+        if modulus is not None or thickness is not None:
+            raise SceneError(f"{where} has a stiffness, and a modulus or thickness: their product; drop one.")
+        return fabric.stiffness
+    if modulus is None and thickness is None:
+        raise SceneError(
+            f"{where} lacks 'stiffness' (or 'modulus' and 'thickness', or those of warp and weft); add it."
+        )
+    if modulus is None or thickness is None:
+        raise SceneError(f"{where} lacks '{'thickness' if thickness is None else 'modulus'}'; add it.")
+    return modulus * thickness
 
 
 def _pattern(folder: Path, given: MembranesInput, mesh: TriangleMesh) -> np.ndarray:

@@ -38,8 +38,7 @@ ROUNDING = 0.2
 
 # Up to where the law is meant, and a fabric holds.
 MEMBRANE_STRAIN = Criterion(
-    "largest_membrane_strain", "membrane strain", 0.05, "the law is linear in Green-Lagrange strain; that of fabrics is "
-    "not, far above some per cent",
+    "largest_membrane_strain", "membrane strain", 0.05, "up to there fabrics are taken to be linear, as the law is",
     percent=True,
 )  # fmt: skip
 UTILISATION = Criterion(
