@@ -292,8 +292,14 @@ class Assembly:
 
     def load_forces(self, x, loads, rotations=None):
         """Generalised forces (q,) N of the loads alone at node positions x (n,3) m: linear in loads that are."""
-        at = Configuration(x, self.start(rotations))
-        external = self.external(at, Prepared((), *self._seen(loads)))
+        return self._linked(Configuration(x, self.start(rotations)), Prepared((), *self._seen(loads)))
+
+    def external_forces(self, q, rotations, prepared):
+        """Generalised external forces (q,) N at the unknowns q."""
+        return self._linked(self.configuration(q, rotations), prepared)
+
+    def _linked(self, at, prepared):
+        external = self.external(at, prepared)
         if self._links is None:
             return external
         return self._links.forces(external, self._links.factors(at.rotations)[0])

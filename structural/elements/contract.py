@@ -127,6 +127,13 @@ class ElementGroup:
         """Power W that changes of rest length put into the dampers."""
         return 0.0
 
+    @property
+    def wrinkles(self):
+        """Whether they may lose their stiffness in a direction without being slack, as membranes do: solvers then watch the
+        energy.
+        """
+        return False
+
     # Variants of them
 
     def undamped(self):

@@ -25,6 +25,8 @@ import numpy as np
 from interface.mirror import canonical_faces
 from interface.vectors import cross
 
+from structural.triangles import DEGREE_2, t6_slopes
+
 from .contract import ElementGroup
 
 # Elements that a kernel treats at a time: its intermediate arrays then stay in the cache.
@@ -37,19 +39,7 @@ ROUNDING = 0.1
 # Derivatives of the shape functions by the two natural coordinates (points, nodes, 2), and weights of the points in the
 # natural triangle of area 1/2.
 _T3 = np.array([[[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]]]), np.array([0.5])
-
-
-def t6_slopes(points):
-    """Derivatives (p,6,2) of the quadratic shape functions at natural coordinates `points` (p,2)."""
-    r, s = np.asarray(points, float).T
-    l, zero = 1.0 - r - s, np.zeros_like(r)
-    by_r = [1.0 - 4.0 * l, 4.0 * r - 1.0, zero, 4.0 * (l - r), 4.0 * s, -4.0 * s]
-    by_s = [1.0 - 4.0 * l, zero, 4.0 * s - 1.0, -4.0 * r, 4.0 * r, 4.0 * (l - s)]
-    return np.stack([np.stack(by_r, axis=1), np.stack(by_s, axis=1)], axis=2)
-
-
-_T6 = t6_slopes([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]]), np.full(3, 1.0 / 6.0)
-_RULES = {3: _T3, 6: _T6}
+_RULES = {3: _T3, 6: (t6_slopes(DEGREE_2[0]), DEGREE_2[1])}
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +86,8 @@ class Membranes(ElementGroup):
         (a, b), (c, d) = ((bases[:, i, 0], bases[:, i, 1]) for i in (0, 1))
         area = a * d - b * c
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.stack([np.stack([d, -b]), np.stack([-c, a])]) / area  # (2 natural, 2 of the pattern, p, e)
-            return np.einsum("pma,ajpe->pmje", slopes, inverse), parts[:, None] * area
+            inverse = np.stack([np.stack([d, -b]), np.stack([-c, a])]) / area  # (2 of the pattern, 2 natural, p, e)
+            return np.einsum("pmi,aipe->pmae", slopes, inverse), parts[:, None] * area
 
     @property
     def area(self):
@@ -170,6 +160,11 @@ class Membranes(ElementGroup):
         """See ElementGroup."""
         _, weights = self.geometry
         return float(np.sum(weights * self.law.energy(self.strains(at.x))))
+
+    @property
+    def wrinkles(self):
+        """See ElementGroup. Without a law of wrinkling they buckle, with as little stiffness."""
+        return True
 
     def stiffness(self, at):
         """See ElementGroup: E h times |dN/dX|^2 over the pattern, taut or not."""

@@ -55,7 +55,7 @@ class StaticProblem:
     """Balance of an assembly under prepared elements and loads; the unknowns stand at (q, rotations)."""
 
     def __init__(self, assembly: Assembly, prepared: Prepared, groups: Sequence[ElementGroup]):
-        self._assembly, self._prepared = assembly, prepared
+        self._assembly, self._prepared, self._groups = assembly, prepared, groups
         unknowns = assembly.unknowns
         self.rotational, self.diagonal, self.norm = unknowns.rotational, assembly.diagonal, unknowns.norm
         self.stiffest = stiffest(groups, assembly.structure.reference)
@@ -69,6 +69,31 @@ class StaticProblem:
         """See Problem."""
         q, rotations = at
         return self._assembly.moved(q, rotations, step)
+
+    # What `energy.EnergyNewton` asks besides
+
+    @property
+    def mean_stiffness(self):
+        """See EnergyProblem."""
+        reference = self._assembly.structure.reference
+        values = [group.stiffness(reference) for group in self._groups if len(group)]
+        return float(np.concatenate(values).mean()) if values else 0.0
+
+    def energy(self, at):
+        """See EnergyProblem."""
+        shape = self._assembly.configuration(*at)
+        parts = [group.energy(shape) for group in self._groups]
+        return None if None in parts else float(sum(parts))
+
+    def external_work(self, at, step):
+        """See EnergyProblem: by Simpson's rule, exact for pressure on triangles with straight sides."""
+        forces = (self._assembly.external_forces(*self.moved(at, s * step), self._prepared) for s in (0.0, 0.5, 1.0))
+        return float(sum(weight * (f @ step) for weight, f in zip((1 / 6, 4 / 6, 1 / 6), forces, strict=True)))
+
+    def residual(self, at):
+        """See EnergyProblem."""
+        q, rotations = at
+        return self._assembly.residual(q, self._prepared, rotations)[0]
 
 
 def equilibrium(
@@ -103,7 +128,7 @@ def equilibrium(
 
     def newton(members, at, rtol):
         problem = StaticProblem(assembly, assembly.prepare(loads, members), members)
-        return Newton(problem, at, tolerance, rtol, step_limit)
+        return engine(members)(problem, at, tolerance, rtol, step_limit)
 
     solve = direct = newton(groups, at, rtol)
     solve.run(min(DIRECT_ITERATIONS, max_iterations))
@@ -126,6 +151,15 @@ def equilibrium(
     unstable = solve.negative_pivots() if solve.status == "converged" else 0
     x = assembly.positions(*solve.at)
     return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, solve.at[1])
+
+
+def engine(groups):
+    """The Newton's method that suits the elements: one that watches the energy where some of them wrinkle."""
+    if not any(group.wrinkles for group in groups):
+        return Newton
+    from .energy import EnergyNewton
+
+    return EnergyNewton
 
 
 def continuation_stages(groups, load):
