@@ -362,6 +362,20 @@ class Assembly:
                     rates = -elements.data(by_v) if rates is None else rates - elements.data(by_v)
         return internal, external, data, rates
 
+    def smoothing(self, prepared, rotations=None):
+        """Data of the matrix (q,q) N/m that smooths steps of elements that wrinkle, to be filled in by `matrix`; None
+        without such elements.
+        """
+        parts = [(place, part.smoothing()) for place, part in zip(self._elements, prepared.groups, strict=True)]
+        data = [place.stiffness(tangents) for place, tangents in parts if tangents is not None]
+        if not data:
+            return None
+        if self._links is None:
+            return sum(data)
+        factors, rho = self._links.factors(self.start(rotations))
+        still = np.zeros(self._unreduced.count)
+        return self._links.stiffness(self._reduced, len(self._empty.indices), sum(data), still, factors, rho)
+
     def node_blocks(self, blocks):
         """Data of the matrix (q,q) with a block (n,3,3) on every node, to be filled in by `matrix`; no rigid links."""
         return self._node_k(blocks)

@@ -134,6 +134,12 @@ class ElementGroup:
         """
         return False
 
+    def smoothing(self):
+        """Stiffness (e,d,d) N/m against motion of their nodes relative to one another, in any direction: the Laplacian of
+        elements that wrinkle, for steps of solvers alone; None without.
+        """
+        return None
+
     # Variants of them
 
     def undamped(self):

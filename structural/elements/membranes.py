@@ -177,6 +177,16 @@ class Membranes(ElementGroup):
         """See ElementGroup. Without a law of wrinkling they buckle, with as little stiffness."""
         return True
 
+    def smoothing(self):
+        """See ElementGroup: E h int dN_a/dX . dN_b/dX dA, the tangent of a prestress E h alike in all directions."""
+        slopes, weights = self.geometry
+        size = self.nodes.shape[1]
+        coupling = np.einsum("pe,pmae,pnae->emn", weights * self.law.stiffest, slopes, slopes)
+        out = np.zeros((len(self), size, 3, size, 3))
+        for axis in range(3):
+            out[:, :, axis, :, axis] = coupling
+        return out.reshape(len(self), 3 * size, 3 * size)
+
     def stiffness(self, at):
         """See ElementGroup: E h times |dN/dX|^2 over the pattern, taut or not."""
         slopes, weights = self.geometry

@@ -2,11 +2,14 @@
 tension, none at all where they are slack, and none across their plane where they start flat.
 
 Far from equilibrium a residual says little about them: it rises a hundredfold while a flat membrane is blown up. The
-potential does: that of a relaxed membrane is convex but for the pressure. A step of K + mu S, S the mean stiffness, is
-judged by the share rho of the decrease that its quadratic model promised (trust region in the form of Levenberg and
-Marquardt): mu falls after good steps and rises after bad ones, which are shortened until the potential falls. Near
-equilibrium mu goes to zero with the residual, so that the end is Newton's own, quadratic; the residual itself has
-neither shift nor damping in it.
+potential does: that of a relaxed membrane is convex but for the pressure. A step of K + mu (S + W L), S the mean stiffness
+and L the Laplacian of the membranes, is judged by the share rho of the decrease that its quadratic model promised (trust
+region in the form of Levenberg and Marquardt): mu falls after good steps and rises after bad ones, which are shortened
+until the potential falls. Near equilibrium mu goes to zero with the residual, so that the end is Newton's own, quadratic;
+the residual itself has neither shift nor damping in it.
+
+An inflated membrane with a free rim has many equilibria, which differ in where the rim has folded. L keeps neighbouring
+nodes together while it is blown up, as a viscosity would, so that it comes to one with few folds and none of them deep.
 """
 
 from typing import Any, Protocol
@@ -14,12 +17,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from . import Singular
+from .linear import factorised, shifted
 from .newton import SMALLEST_SHIFT, Newton, Problem
 
 # The shift at the start, relative to the mean stiffness, and its factor after good and bad steps.
-FIRST_SHIFT, FACTOR = 1e-2, 3.0
+FIRST_SHIFT, FACTOR = 1e-3, 3.0
+# Weight of the Laplacian in it. With less, airbags of some thousand triangles fold at random; with more, at the middle of
+# their sides.
+SMOOTHING = 100.0
 # A step is good above, and bad below, this share of the promised decrease; it must leave some.
-GOOD, BAD, LEAST = 0.5, 0.25, 1e-3
+GOOD, BAD, LEAST = 0.7, 0.25, 1e-3
 # A step that does not go down is shortened to this part, that often at most.
 SHORTER, SHORTENINGS = 0.3, 3
 # Below this residual, relative to the load, the shift falls with it.
@@ -37,6 +44,9 @@ class EnergyProblem(Problem, Protocol):
     """A `Problem` that knows how its potential energy changes."""
 
     mean_stiffness: float  # of the elements, N/m
+
+    def smoothing(self, at: Any) -> Any:
+        """The Laplacian of what wrinkles, on the pattern of the tangent; None without."""
 
     def energy(self, at: Any) -> float | None:
         """Internal energy J; None where elements have none."""
@@ -57,12 +67,13 @@ class EnergyNewton(Newton):
         super().__init__(problem, at, atol, rtol, step_limit)
         self._energy = problem.energy(at)
         self._unit = np.maximum(self._scale(), 0.1 * problem.mean_stiffness)
+        self._smoothing = problem.smoothing(at)
         self._damping = FIRST_SHIFT * min(1.0, self._relative)
 
     @property
     def _relative(self):
-        """Residual relative to the load."""
-        return self.norm / max(self.external, 1e-300)
+        """Residual relative to the load, or to that of the start where supports have moved."""
+        return self.norm / max(self.external, self.norms[0], 1e-300)
 
     def run(self, most):
         """See Newton."""
@@ -81,7 +92,7 @@ class EnergyNewton(Newton):
         before = self.at, self.r, self.k, self.external, self.norm
         start = self.norm
         for _ in range(WARM_STEPS):
-            step = self._shifted_step(SMALLEST_SHIFT)
+            step = self._shifted_step(0.0)
             if step is None:
                 break
             at = self.problem.moved(self.at, step)
@@ -96,7 +107,7 @@ class EnergyNewton(Newton):
 
     def _damped_step(self):
         """One shifted step, shortened until the potential falls; nothing but a larger shift where it does not."""
-        step = self._shifted_step(max(self._damping * min(1.0, self._relative / NEAR), SMALLEST_SHIFT))
+        step = self._shifted_step(self._damping * min(1.0, self._relative / NEAR))
         slope = np.nan if step is None else float(self.r @ step)
         curvature = np.nan if step is None else float(step @ (self.k @ step))
         if not (slope < 0.0 and -slope - 0.5 * curvature > 0.0):  # no descent, or none that the model knows of
@@ -146,8 +157,11 @@ class EnergyNewton(Newton):
 
     def _shifted_step(self, mu):
         """Step (q,) of the tangent with a shift, within the step limit; None where that is singular."""
+        matrix = shifted(self.k, self.problem.diagonal, np.maximum(mu, SMALLEST_SHIFT) * self._unit)
+        if mu > 0.0 and self._smoothing is not None:
+            matrix.data += (SMOOTHING * mu) * self._smoothing.data
         try:
-            step = self._factors(mu * self._unit, PIVOT).solve(-self.r)
+            step = factorised(matrix, PIVOT).solve(-self.r)
         except Singular:
             return None
         return self._limited(step) if np.all(np.isfinite(step)) else None

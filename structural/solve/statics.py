@@ -79,6 +79,11 @@ class StaticProblem:
         values = [group.stiffness(reference) for group in self._groups if len(group)]
         return float(np.concatenate(values).mean()) if values else 0.0
 
+    def smoothing(self, at):
+        """See EnergyProblem."""
+        data = self._assembly.smoothing(self._prepared, at[1])
+        return None if data is None else self._assembly.matrix(data)
+
     def energy(self, at):
         """See EnergyProblem."""
         shape = self._assembly.configuration(*at)

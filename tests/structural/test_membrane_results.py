@@ -13,7 +13,7 @@ from structural.elements.membrane_results import (
 )
 from structural.elements.membranes import Membranes, flat_patterns
 from structural.materials.membranes import SLACK, TAUT, WRINKLED, LinearMembrane
-from tests.structural.membrane_models import airbag, inflated, isotropic, quadratic, rectangle
+from benchmarks.membrane_models import airbag, inflated, isotropic, quadratic, rectangle
 
 
 def stretched(first, second, m=3, angle=0.0):

@@ -8,7 +8,7 @@ from structural import Assembly, Configuration, FaceLoad, Faces, Loads, Structur
 from structural.elements.membranes import Membranes, flat_patterns, prestressed_patterns
 from structural.materials.membranes import LinearMembrane, isotropic_membrane
 from structural.triangles import DEGREE_2, DEGREE_4
-from tests.structural.membrane_models import isotropic, quadratic, rectangle
+from benchmarks.membrane_models import isotropic, quadratic, rectangle
 from tests.structural.models import MIRROR, central_difference
 
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])

@@ -1,4 +1,4 @@
-"""Meshes and models of membranes that tests share."""
+"""Meshes and models of membranes that benchmarks and tests share."""
 
 import numpy as np
 
@@ -86,3 +86,72 @@ def principal(group, x):
     s, _ = group.law.response(group.strains(x), tangents=False)
     mean, radius = 0.5 * (s[0] + s[1]), np.hypot(0.5 * (s[0] - s[1]), s[2])
     return np.stack([mean + radius, mean - radius])
+
+
+def hencky(rings, q, nu, m=3):
+    """Disc of radius 1 m and E h 1 N/m, held at its edge, in equilibrium under the pressure q = p a / (E h): the result,
+    the membranes and the loads. Node 0 is the centre.
+    """
+    nodes, triangles = disc(rings)
+    held = np.arange(len(nodes)) >= len(nodes) - 6 * rings
+    if m == 6:
+        nodes, triangles, pairs = quadratic(nodes, triangles)
+        edge = held[pairs].all(axis=1) & (np.abs(np.diff(pairs, axis=1)[:, 0]) != 0)
+        outer = np.linalg.norm(nodes[len(held) :], axis=1) > 1.0 - 1.0 / rings
+        edge &= outer
+        nodes[len(held) :][edge] /= np.linalg.norm(nodes[len(held) :][edge], axis=1)[:, None]
+        held = np.concatenate([held, edge])
+    group = isotropic(nodes, triangles, 1.0, nu)
+    found, _, loads = inflated(nodes, np.repeat(held[:, None], 3, axis=1), group, q)
+    return found, group, loads
+
+
+def octant(n, radius=1.0):
+    """Nodes, triangles (n^2) and flat places on the plane x + y + z = 1 of an eighth of a sphere."""
+    number = {}
+    for i in range(n + 1):
+        for j in range(n + 1 - i):
+            number[i, j] = len(number)
+    flat = np.array([[i, j, n - i - j] for i, j in number]) / n
+    triangles = [[number[i, j], number[i + 1, j], number[i, j + 1]] for i in range(n) for j in range(n - i)]
+    triangles += [
+        [number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]] for i in range(n) for j in range(n - i - 1)
+    ]
+    return radius * flat / np.linalg.norm(flat, axis=1)[:, None], np.array(triangles), flat
+
+
+def tube(around, along, radius=0.1, half=0.3, stiffness=4e6, nu=0.3, m=6):
+    """Half the circumference and half the length of an inflated tube with a rigid end plate, whose centre is the last
+    node and has the one nodal rotation: structure with the load groups "skin" and "cap". x along the tube, z across,
+    away from the side that a negative moment about y presses.
+
+    x = 0 and y = 0 are planes of symmetry.
+    """
+    sheet, triangles = rectangle((along, around), (half, np.pi))
+    if m == 6:
+        sheet, triangles, _ = quadratic(sheet, triangles)
+    angle, n = sheet[:, 1], len(sheet)
+    nodes = np.column_stack([sheet[:, 0], radius * np.sin(angle), -radius * np.cos(angle)])
+    nodes = np.concatenate([nodes, [[half, 0.0, 0.0]]])
+    outward = [0, 2, 1] if m == 3 else [0, 2, 1, 5, 4, 3]
+    triangles = triangles[:, outward]
+    ring = np.flatnonzero(np.isclose(sheet[:, 0], half))
+    ring = ring[np.argsort(angle[ring])]
+    fixed = np.zeros(nodes.shape, bool)
+    fixed[:n, 0] = np.isclose(sheet[:, 0], 0.0)
+    fixed[:n, 1] = np.isclose(np.sin(angle), 0.0, atol=1e-9)
+    fixed[np.flatnonzero(np.isclose(sheet[:, 0], 0.0) & np.isclose(angle, 0.0)), 2] = True
+    fixed[n, 1] = True
+    cap = np.stack([ring[:-1], ring[1:], np.full(len(ring) - 1, n)], axis=1)
+    normal = np.cross(nodes[cap[0, 1]] - nodes[cap[0, 0]], nodes[n] - nodes[cap[0, 0]])
+    cap = cap if normal[0] > 0.0 else cap[:, [1, 0, 2]]
+    return Structure(
+        nodes,
+        fixed,
+        (isotropic(nodes, triangles, stiffness, nu),),
+        {"skin": Faces(triangles), "cap": Faces(cap)},
+        rotation_nodes=np.array([n]),
+        fixed_rotations=np.array([[True, False, True]]),
+        dependent_nodes=ring,
+        link_rotations=np.zeros(len(ring), dtype=int),
+    )
