@@ -113,18 +113,22 @@ def test_stress_of_a_sphere_under_pressure(n, m, tolerance):
 # Wrinkled sheets
 
 
-def test_a_sheared_panel_carries_a_quarter_of_the_modulus_along_wrinkles_at_45_degrees():
+@pytest.mark.parametrize("ends", ["held", "free"])
+def test_a_sheared_panel_carries_a_quarter_of_the_modulus_along_wrinkles_at_45_degrees(ends):
     nodes, triangles = rectangle((36, 6), (6.0, 1.0), crossed=True)
     shear, stiffness = 1e-3, 1e5
     group = isotropic(nodes, triangles, stiffness, 0.3)
     held = np.isclose(nodes[:, 1] % 1.0, 0.0)
+    if ends == "held":
+        held |= np.isclose(nodes[:, 0] % 6.0, 0.0)
     x = nodes.copy()
     x[held, 0] += shear * nodes[held, 1]  # the edges have moved, the inside lies where it was
     s = Structure(x, np.repeat(held[:, None], 3, axis=1), (group,))
     found = equilibrium(Assembly(s), Loads(np.zeros_like(x)), x, atol=1e-9 * 0.25 * shear * stiffness * 6.0)
     assert found.converged
     assert found.unstable_modes == 0  # wrinkles are not an instability
-    assert quadratic_tail(found, group, found.x)
+    if ends == "held":  # free ends are slack, and their nodes drift under nothing but rounding
+        assert quadratic_tail(found, group, found.x)
     state = membrane_state(group, found.x)
     middle = np.abs(nodes[triangles].mean(axis=1)[:, 0] - 3.0) < 1.0
     tau = state.stress[:, 0] * state.direction[:, 0] * state.direction[:, 1]
@@ -183,9 +187,10 @@ def bent_tube():
     assembly, skin = Assembly(s), s.groups[0]
     on = {name: FaceLoad(np.full(len(group), pressure)) for name, group in s.load_groups.items()}
     away = s.nodes[skin.nodes[:, :3]].mean(axis=1)[:, 0] < 0.6 * half
+    whole = 0.5 * np.pi * pressure * radius**3  # half of the circumference is modelled, with half the moment
     x, rotations, out = s.nodes, None, {}
     for moment in (0.0, 0.49, 0.51, 0.6, 0.7, 0.8):
-        loads = Loads(np.zeros_like(s.nodes), on, np.array([[0.0, -moment * pressure * np.pi * radius**3, 0.0]]))
+        loads = Loads(np.zeros_like(s.nodes), on, np.array([[0.0, -moment * whole, 0.0]]))
         found = equilibrium(assembly, loads, x, atol=0.0, rtol=1e-9, rotations=rotations)
         assert found.converged
         assert found.unstable_modes == 0
