@@ -8,7 +8,9 @@ from structural.materials.membranes import isotropic_membrane
 
 
 def rectangle(cells, sides, crossed=False):
-    """Nodes (n,3) and triangles (e,3) of a rectangle with (nx, ny) cells, cut in two, or in four through their centre."""
+    """Nodes (n,3) and triangles (e,3) of a rectangle with (nx, ny) cells, cut in two, or in four through their
+    centre.
+    """
     (nx, ny), (a, b) = cells, sides
     x, y = np.meshgrid(np.linspace(0.0, a, nx + 1), np.linspace(0.0, b, ny + 1), indexing="ij")
     corner = (np.arange(nx)[:, None] * (ny + 1) + np.arange(ny)).reshape(-1)
@@ -23,7 +25,9 @@ def rectangle(cells, sides, crossed=False):
 
 
 def disc(rings, radius=1.0):
-    """Nodes and triangles of a disc: ring k has 6 k nodes, 6 rings^2 triangles in all; the last 6 `rings` are the edge."""
+    """Nodes and triangles of a disc: ring k has 6 k nodes, 6 rings^2 triangles in all; the last 6 `rings` are the
+    edge.
+    """
     nodes, triangles = [np.zeros((1, 3))], []
     start = [0]
     for k in range(1, rings + 1):
@@ -44,8 +48,9 @@ def disc(rings, radius=1.0):
 
 
 def quadratic(nodes, triangles):
-    """The same triangles with a node in the middle of every side: nodes, triangles (e,6), and the pairs of nodes that each
-    new node lies between."""
+    """The same triangles with a node in the middle of every side: nodes, triangles (e,6), and the pairs of nodes that
+    each new node lies between.
+    """
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     pairs, place = np.unique(sides, axis=0, return_inverse=True)
     middles = 0.5 * (nodes[pairs[:, 0]] + nodes[pairs[:, 1]])
@@ -54,7 +59,7 @@ def quadratic(nodes, triangles):
 
 
 def isotropic(nodes, triangles, stiffness, nu, wrinkles=True, pattern=None):
-    """Membranes of E h `stiffness` N/m and Poisson's ratio `nu`, without stress in `pattern`, or where the nodes are."""
+    """Membranes of E h `stiffness` N/m and Poisson's ratio `nu`, without stress in `pattern` or where the nodes are."""
     e = len(triangles)
     law = isotropic_membrane(np.full(e, float(stiffness)), np.full(e, float(nu)), wrinkles)
     return Membranes(triangles, flat_patterns(nodes, triangles) if pattern is None else pattern, law)
@@ -89,8 +94,8 @@ def principal(group, x):
 
 
 def hencky(rings, q, nu, m=3):
-    """Disc of radius 1 m and E h 1 N/m, held at its edge, in equilibrium under the pressure q = p a / (E h): the result,
-    the membranes and the loads. Node 0 is the centre.
+    """Disc of radius 1 m and E h 1 N/m, held at its edge, in equilibrium under the pressure q = p a / (E h): the
+    result, the membranes and the loads. Node 0 is the centre.
     """
     nodes, triangles = disc(rings)
     held = np.arange(len(nodes)) >= len(nodes) - 6 * rings

@@ -62,8 +62,8 @@ def wrinkled_tube(moment):
 
 
 def wrinkled_strip(moment):
-    """Width of the wrinkled band over the height of a strip under `moment` / (P h), and its curvature times E h^2 / (2 P),
-    h the height and E per length (Stein and Hedgepeth 1961).
+    """Width of the wrinkled band over the height of a strip under `moment` / (P h), and its curvature times E h^2 /
+    (2 P), h the height and E per length (Stein and Hedgepeth 1961).
     """
     if moment <= 1.0 / 6.0:
         return 0.0, 6.0 * moment

@@ -1,4 +1,4 @@
-"""Triangles of six nodes, the corners and then the middles of the sides 01, 12, 20: shape functions, points of integration.
+"""Triangles of six nodes, the corners and then the middles of the sides 01, 12, 20: shape functions, integration.
 
 Natural coordinates (r, s) run from node 0 to nodes 1 and 2; the triangle has the area 1/2 in them.
 """
@@ -32,4 +32,5 @@ def _symmetric_points(corner, weight):
 # Points (p,2) and weights (p,), which sum to 1/2, exact for polynomials of degree 2, and of degree 4 (Dunavant 1985).
 DEGREE_2 = _symmetric_points(1.0 / 6.0, 1.0 / 6.0)
 _OUTER, _INNER = (0.091576213509770743, 0.054975871827660933), (0.44594849091596488, 0.11169079483900573)
-DEGREE_4 = tuple(np.concatenate(pair) for pair in zip(_symmetric_points(*_OUTER), _symmetric_points(*_INNER), strict=True))
+_PARTS = zip(_symmetric_points(*_OUTER), _symmetric_points(*_INNER), strict=True)
+DEGREE_4 = tuple(np.concatenate(pair) for pair in _PARTS)

@@ -19,8 +19,8 @@ class MembraneState:
 
     `stress` (e,2) N/m are the larger and the smaller principal 2nd Piola-Kirchhoff stress in force per length of the
     pattern, `cauchy` (e,2) those of the Cauchy stress in force per present length, `direction` (e,3) the unit vector in
-    space along the larger, which wrinkles follow; `strain` (e,2) the larger and smaller principal Green-Lagrange strain;
-    `state` (e,) SLACK, WRINKLED or TAUT, the lowest of the points; `area` (e,) m^2 of the pattern.
+    space along the larger, which wrinkles follow; `strain` (e,2) the larger and smaller principal Green-Lagrange
+    strain; `state` (e,) SLACK, WRINKLED or TAUT, the lowest of the points; `area` (e,) m^2 of the pattern.
     """
 
     stress: np.ndarray
@@ -129,9 +129,9 @@ def reactions(structure, x, loads, rotations=None):
 
 
 def seam_forces(group: Membranes, x, seams):
-    """Force per length N/m (k,3) of the pattern with which the elements beside each of the `seams` (k,2), sides between two
-    nodes, pull at it: the mean of F S nu over both, nu the outward normal of the side of the first. ValueError for a
-    side that no element has.
+    """Force per length N/m (k,3) of the pattern with which the elements beside each of the `seams` (k,2), sides
+    between two nodes, pull at it: the mean of F S nu over both, nu the outward normal of the side of the first.
+    ValueError for a side that no element has.
     """
     corners = np.array([[0, 1], [1, 2], [2, 0]])
     sides = np.sort(group.nodes[:, corners], axis=2)

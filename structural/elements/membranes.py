@@ -1,7 +1,7 @@
 """Membranes: triangles with straight (T3) or curved sides (T6) that carry force in their plane and none across it.
 
-Total Lagrangian. Every element has a `pattern` of its own: where its nodes lie when it has no stress, in a plane (the cut
-of the fabric) or in space. It is independent of the shape that a solve starts from, so that panels may be shorter
+Total Lagrangian. Every element has a `pattern` of its own: where its nodes lie when it has no stress, in a plane (the
+cut of the fabric) or in space. It is independent of the shape that a solve starts from, so that panels may be shorter
 than they are mounted, or flat before they are rolled up. In orthonormal axes of the pattern, the first along the
 fibres, with the shape functions N_a and positions x_a of the nodes,
 
@@ -24,7 +24,6 @@ import numpy as np
 
 from interface.mirror import canonical_faces
 from interface.vectors import cross
-
 from structural.triangles import DEGREE_2, t6_slopes
 
 from .contract import ElementGroup
@@ -70,8 +69,8 @@ class Membranes(ElementGroup):
         if bad.any():
             row = int(np.argmax(bad))
             raise ValueError(
-                f"the pattern of membrane element {self.label(row)} has no area or lists its nodes clockwise; give three "
-                "corners that are not on a line, counter-clockwise (and middles of sides near the middle)."
+                f"the pattern of membrane element {self.label(row)} has no area or lists its nodes clockwise; give "
+                "three corners that are not on a line, counter-clockwise (and middles of sides near the middle)."
             )
 
     @cached_property
@@ -258,7 +257,7 @@ def prestressed_patterns(pattern, law, stress, angle=None):
 
 
 def _in_plane(bases):
-    """Bases (p,2,2,e) in orthonormal axes of their own plane, the first along the first, of bases (p,2,3,e) in space."""
+    """Bases (p,2,2,e) in orthonormal axes of their own plane, the first along the first, of (p,2,3,e) in space."""
     first, second = bases[:, 0], bases[:, 1]
     length = np.sqrt(np.sum(first**2, axis=1))
     along = np.sum(first * second, axis=1) / length

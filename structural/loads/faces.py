@@ -46,7 +46,7 @@ class Faces(LoadGroup):
     def _kernels(self):
         corners = self.nodes.shape[1]
         if corners == 6:
-            from .curved_faces import curved_forces, curved_forces_and_tangents  # not loaded where all sides are straight
+            from .curved_faces import curved_forces, curved_forces_and_tangents  # not loaded with straight sides
 
             return curved_forces, curved_forces_and_tangents
         if corners == 3:

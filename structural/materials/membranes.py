@@ -4,22 +4,25 @@ Stress S (2nd Piola-Kirchhoff, N/m) and strain E (Green-Lagrange) are written in
 (S11, S22, S12) and (E11, E22, 2 E12), component first, so that every step is arithmetic on rows of points.
 
 Wrinkling: a fabric without bending stiffness folds at no cost, so that its energy is the least over all additional
-strains by which it may shorten (Pipkin 1986, 1994; Steigmann and Pipkin 1989: relaxed energy, tension field). The stress
-is then the projection of the unwrinkled C E on the stresses without compression, in the norm of the compliance:
+strains by which it may shorten (Pipkin 1986, 1994; Steigmann and Pipkin 1989: relaxed energy, tension field). The
+stress is then the projection of the unwrinkled C E on the stresses without compression, in the norm of the
+compliance:
 
     S = argmin 1/2 (S - C E) : C^-1 : (S - C E)  over  S >= 0 (no negative eigenvalue).
 
-The cone is convex and the norm strictly so: there is one answer, it is continuous in E, and its energy W = 1/2 S : C^-1 : S
-is convex. Three states:  taut, S = C E;  slack, S = 0, where no fibre is stretched (E <= 0);  else wrinkled, S = s n n^T.
+The cone is convex and the norm strictly so: there is one answer, it is continuous in E, and its energy
+W = 1/2 S : C^-1 : S is convex. Three states: taut, S = C E; slack, S = 0, where no fibre is stretched (E <= 0); else
+wrinkled, S = s n n^T.
 
 The direction of a wrinkled point. Lengths along 1 and 2 are scaled by E1^(1/4) and E2^(1/4), after which the compliance
-knows one number k = (kappa - 1) / 2, kappa = sqrt(E1 E2) (1 / (2 G) - nu12 / E1), 0 for an isotropic membrane. With twice the
-scaled angle psi of n, and the scaled strain of mean m and deviator R (cos alpha, sin alpha), W is the largest value of
+knows one number k = (kappa - 1) / 2, kappa = sqrt(E1 E2) (1 / (2 G) - nu12 / E1), 0 for an isotropic membrane. With
+twice the scaled angle psi of n, and the scaled strain of mean m and deviator R (cos alpha, sin alpha), W is the
+largest value of
 
     w(psi) = N^2 / (2 c),   N = m + R cos(psi - alpha),   c = 1 + k sin^2 psi.
 
-c is the same at psi, -psi and pi - psi, so the largest N of the four lies in the quadrant of alpha: only that one is searched,
-and the other maxima, which orthotropic membranes have, need not be met. In the first quadrant w' = 0 reads
+c is the same at psi, -psi and pi - psi, so the largest N of the four lies in the quadrant of alpha: only that one is
+searched, and the other maxima, which orthotropic membranes have, need not be met. In the first quadrant w' = 0 reads
 
     R (1 + k) cos(alpha) / cos(psi) + m k - R sin(alpha) / sin(psi) = 0,
 
@@ -38,8 +41,8 @@ ROUNDING = 1e-12  # relative, of constants that are computed from others
 
 @dataclass(frozen=True, eq=False)
 class LinearMembrane:
-    """Linear stress in the axes of the fibres: `E1`, `E2` (e,) N/m (modulus times thickness) along and across them, `nu12`
-    (e,) contraction across over stretch along, `G` (e,) N/m in shear. nu21 = nu12 E2 / E1.
+    """Linear stress in the axes of the fibres: `E1`, `E2` (e,) N/m (modulus times thickness) along and across them,
+    `nu12` (e,) contraction across over stretch along, `G` (e,) N/m in shear. nu21 = nu12 E2 / E1.
 
     `wrinkles`: without compression (tension field); else it resists compression as it does tension, up to buckling of
     the mesh. ValueError in one sentence for values that no material has.
@@ -65,8 +68,8 @@ class LinearMembrane:
             row = int(np.argmax(bad))
             nu, e1, e2 = self.nu12[row], self.E1[row], self.E2[row]
             raise ValueError(
-                f"membrane element number {row + 1} has nu12 = {nu:g} with E1 = {e1:g} and E2 = {e2:g} N/m; the size of "
-                f"nu12 must be below sqrt(E1/E2) = {np.sqrt(e1 / e2):.4g}, or stretching would set energy free."
+                f"membrane element number {row + 1} has nu12 = {nu:g} with E1 = {e1:g} and E2 = {e2:g} N/m; the size "
+                f"of nu12 must be below sqrt(E1/E2) = {np.sqrt(e1 / e2):.4g}, or stretching would set energy free."
             )
 
     def __len__(self):
@@ -123,13 +126,13 @@ class LinearMembrane:
             stress[:, slack] = 0.0
             if slope is not None:
                 slope[:, slack] = 0.0
-            points = np.nonzero(~(taut | slack))
-            if len(points[0]):
-                at = np.s_[:, *points]
-                found = self.select(points[-1])._wrinkled(strain[at], tangents)
-                stress[at] = found[0]
+            wrinkled = ~(taut | slack)
+            rows = np.nonzero(wrinkled)[-1]
+            if len(rows):
+                found = self.select(rows)._wrinkled(strain[:, wrinkled], tangents)
+                stress[:, wrinkled] = found[0]
                 if slope is not None:
-                    slope[at] = found[1]
+                    slope[:, wrinkled] = found[1]
         return stress, slope
 
     def state(self, strain):
@@ -188,8 +191,8 @@ def _non_negative(s1, s2, s12):
 
 
 def _wrinkle_direction(m, a, b, k):
-    """cos psi and sin psi in the first quadrant with a (1 + k) sin psi - b cos psi + m k sin psi cos psi = 0; a and b are
-    not negative.
+    """cos psi and sin psi in the first quadrant with a (1 + k) sin psi - b cos psi + m k sin psi cos psi = 0; a and b
+    are not negative.
     """
     p = a * (1.0 + k)
     t = m * k

@@ -2,11 +2,11 @@
 tension, none at all where they are slack, and none across their plane where they start flat.
 
 Far from equilibrium a residual says little about them: it rises a hundredfold while a flat membrane is blown up. The
-potential does: that of a relaxed membrane is convex but for the pressure. A step of K + mu (S + W L), S the mean stiffness
-and L the Laplacian of the membranes, is judged by the share rho of the decrease that its quadratic model promised (trust
-region in the form of Levenberg and Marquardt): mu falls after good steps and rises after bad ones, which are shortened
-until the potential falls. Near equilibrium mu goes to zero with the residual, so that the end is Newton's own, quadratic;
-the residual itself has neither shift nor damping in it.
+potential does: that of a relaxed membrane is convex but for the pressure. A step of K + mu (S + W L), S the mean
+stiffness and L the Laplacian of the membranes, is judged by the share rho of the decrease that its quadratic model
+promised (trust region in the form of Levenberg and Marquardt): mu falls after good steps and rises after bad ones,
+which are shortened until the potential falls. Near equilibrium mu goes to zero with the residual, so that the end is
+Newton's own, quadratic; the residual itself has neither shift nor damping in it.
 
 An inflated membrane with a free rim has many equilibria, which differ in where the rim has folded. L keeps neighbouring
 nodes together while it is blown up, as a viscosity would, so that it comes to one with few folds and none of them deep.
@@ -22,8 +22,8 @@ from .newton import SMALLEST_SHIFT, Newton, Problem
 
 # The shift at the start, relative to the mean stiffness, and its factor after good and bad steps.
 FIRST_SHIFT, FACTOR = 1e-3, 3.0
-# Weight of the Laplacian in it. With less, airbags of some thousand triangles fold at random; with more, at the middle of
-# their sides.
+# Weight of the Laplacian in it. With less, airbags of some thousand triangles fold at random; with more, at the
+# middle of their sides.
 SMOOTHING = 100.0
 # A step is good above, and bad below, this share of the promised decrease; it must leave some.
 GOOD, BAD, LEAST = 0.7, 0.25, 1e-3
@@ -35,8 +35,8 @@ NEAR = 1e-3
 WARM, WARM_STEPS, GROWTH = 0.3, 6, 30.0
 # Decreases below this part of the energy drown in rounding; work along the step, from both ends, replaces them.
 DROWNED = 1e-12
-# A pivot leaves the diagonal only where it is nothing but rounding. Slack membranes have such pivots everywhere, and the
-# fill of others would make factors many times larger.
+# A pivot leaves the diagonal only where it is nothing but rounding. Slack membranes have such pivots everywhere, and
+# the fill of others would make factors many times larger.
 PIVOT = 1e-13
 
 
@@ -138,8 +138,8 @@ class EnergyNewton(Newton):
         self._rejected += 1
 
     def _share(self, step, promised):
-        """Decrease of the potential by a step over the promised one; residual and tangent there if they were needed, else
-        None; the internal energy there.
+        """Decrease of the potential by a step over the promised one; residual and tangent there if they were needed,
+        else None; the internal energy there.
         """
         at = self.problem.moved(self.at, step)
         energy = self.problem.energy(at)

@@ -92,8 +92,11 @@ class StaticProblem:
 
     def external_work(self, at, step):
         """See EnergyProblem: by Simpson's rule, exact for pressure on triangles with straight sides."""
-        forces = (self._assembly.external_forces(*self.moved(at, s * step), self._prepared) for s in (0.0, 0.5, 1.0))
-        return float(sum(weight * (f @ step) for weight, f in zip((1 / 6, 4 / 6, 1 / 6), forces, strict=True)))
+        work = 0.0
+        for place, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
+            q, rotations = self.moved(at, place * step)
+            work += weight / 6.0 * float(self._assembly.external_forces(q, rotations, self._prepared) @ step)
+        return work
 
     def residual(self, at):
         """See EnergyProblem."""

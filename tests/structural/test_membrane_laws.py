@@ -23,7 +23,11 @@ def turned(strain, angle):
     c, s = np.cos(angle), np.sin(angle)
     e1, e2, g = strain
     return np.stack(
-        [c * c * e1 + s * s * e2 + s * c * g, s * s * e1 + c * c * e2 - s * c * g, 2 * s * c * (e2 - e1) + (c * c - s * s) * g]
+        [
+            c * c * e1 + s * s * e2 + s * c * g,
+            s * s * e1 + c * c * e2 - s * c * g,
+            2 * s * c * (e2 - e1) + (c * c - s * s) * g,
+        ]
     )
 
 

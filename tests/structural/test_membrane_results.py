@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from structural import Configuration, FaceLoad, Faces, Loads, Structure
+from benchmarks.membrane_models import airbag, inflated, isotropic, quadratic, rectangle
+from structural import Configuration, FaceLoad, Faces, Structure
 from structural.elements.membrane_results import (
     enclosed_volume,
     membrane_state,
@@ -13,7 +14,6 @@ from structural.elements.membrane_results import (
 )
 from structural.elements.membranes import Membranes, flat_patterns
 from structural.materials.membranes import SLACK, TAUT, WRINKLED, LinearMembrane
-from benchmarks.membrane_models import airbag, inflated, isotropic, quadratic, rectangle
 
 
 def stretched(first, second, m=3, angle=0.0):
@@ -48,7 +48,9 @@ def test_wrinkles_follow_the_tension():
     group, x = stretched(1.02, 0.9)
     found = membrane_state(group, x)
     assert np.all(found.state == WRINKLED)
-    np.testing.assert_allclose(found.stress, np.tile([1000.0 * 0.5 * (1.02**2 - 1.0), 0.0], (len(group), 1)), atol=1e-10)
+    np.testing.assert_allclose(
+        found.stress, np.tile([1000.0 * 0.5 * (1.02**2 - 1.0), 0.0], (len(group), 1)), atol=1e-10
+    )
     np.testing.assert_allclose(np.abs(found.direction[:, 0]), 1.0, atol=1e-12)
     assert found.wrinkled_share == 1.0
     loose = membrane_state(*stretched(0.9, 0.8))

@@ -1,18 +1,25 @@
 """Membrane elements: patch test, objectivity, tangents, patterns of their own, images, follower pressure on them."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from benchmarks.membrane_models import isotropic, quadratic, rectangle
 from interface.vectors import rotation
 from structural import Assembly, Configuration, FaceLoad, Faces, Loads, Structure, equilibrium
+from structural.dynamics import Motion
 from structural.elements.membranes import Membranes, flat_patterns, prestressed_patterns
 from structural.materials.membranes import LinearMembrane, isotropic_membrane
 from structural.triangles import DEGREE_2, DEGREE_4
-from benchmarks.membrane_models import isotropic, quadratic, rectangle
 from tests.structural.models import MIRROR, central_difference
 
+ROOT = Path(__file__).resolve().parents[2]
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
-TOLERANCE = 1e-7  # of tangents by central differences of 1e-6: curvature of T6 with sides of 0.4 m times the step squared
+# Of tangents by central differences of 1e-6: the curvature of T6 with sides of 0.4 m times the step squared.
+TOLERANCE = 1e-7
 
 
 def scattered(m, space, count, seed):
@@ -147,7 +154,9 @@ def test_a_prestress_is_there_where_the_pattern_was_taken():
     patterns = prestressed_patterns(flat_patterns(nodes, triangles), law, stress, angle)
     group = Membranes(triangles, patterns, law, angle)
     # the fibres of the pattern are those of the shape, stretched: F^-1 turns nothing
-    np.testing.assert_allclose(law.response(group.strains(nodes))[0][:, 0], np.repeat(stress[:, None], e, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(
+        law.response(group.strains(nodes))[0][:, 0], np.repeat(stress[:, None], e, axis=1), rtol=1e-9
+    )
     with pytest.raises(ValueError, match="must not be negative"):
         prestressed_patterns(flat_patterns(nodes, triangles), law, np.array([100.0, -1.0, 0.0]))
 
@@ -177,7 +186,7 @@ def mirrored_pair(angle):
 
 def test_fibres_of_a_mirror_image_are_mirrored_too():
     mirror, none = np.array([3, 4, 5, 0, 1, 2]), np.zeros(0, int)
-    nodes, group = mirrored_pair(0.0)
+    nodes, _ = mirrored_pair(0.0)
     side = nodes[1] - nodes[0], nodes[5] - nodes[3]  # first axes of both patterns
     across = [np.cross(np.cross(a, nodes[c] - nodes[o]), a) for a, c, o in zip(side, (2, 4), (0, 3), strict=True)]
     unit = [[v / np.linalg.norm(v) for v in pair] for pair in zip(side, across, strict=True)]
@@ -276,3 +285,26 @@ def test_quads_are_refused():
     law = isotropic_membrane(np.ones(1), np.full(1, 0.3))
     with pytest.raises(ValueError, match=r"3 or 6 nodes, .* nodes are \(1, 4\)"):
         Membranes(np.array([[0, 1, 2, 3]]), np.zeros((1, 4, 2)), law)
+
+
+def test_membranes_in_motion_are_refused():
+    s = sheet(3)
+    with pytest.raises(ValueError, match="membranes have no dynamics yet"):
+        Motion(Assembly(s), np.ones(len(s.nodes)), Loads(np.zeros_like(s.nodes)))
+
+
+def test_a_structure_without_membranes_loads_none_of_their_code():
+    script = (
+        "import sys, numpy as np\n"
+        "from structural import Assembly, Chains, Faces, FaceLoad, Loads, Structure, equilibrium\n"
+        "nodes = np.array([[0.0, 0, 0], [1.0, 0, 0], [0.0, 1.0, 0], [0.3, 0.3, -1.0]])\n"
+        "lines = Chains(np.array([[0, 3], [1, 3], [2, 3]]), np.ones(3), np.full(3, 1e3), np.zeros(3, bool))\n"
+        "fixed = np.repeat(np.arange(4)[:, None] < 3, 3, axis=1)\n"
+        "s = Structure(nodes, fixed, (lines,), {'skin': Faces(np.array([[0, 1, 3]]))})\n"
+        "loads = Loads(np.zeros((4, 3)), {'skin': FaceLoad(np.array([50.0]))})\n"
+        "assert equilibrium(Assembly(s), loads, nodes).converged\n"
+        "print(*(m for m in sys.modules if any(w in m for w in ('membrane', 'energy', 'triangles', 'curved'))))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert not done.stdout.split()
