@@ -82,8 +82,8 @@ ENTRIES = (
         },
         note="Ram-air thesis 3.5.1: E 588 MPa, h 0.6 mm, nu 0.4, half side 422 mm, 5 kPa, an eighth of the bag, "
         f"squares cut in four. Limit of the stress: {1e-6 * AIRBAG_STRESS:.2f} MPa. Published, 128 triangles: 205 to "
-        "217 mm, 3.5 to 3.8 MPa. Peer mem4py: 440 triangles 1.55 s, 216.4 mm; 10200 triangles 327 s, 215.3 mm. The rim folds: "
-        "there are equilibria with other folds within some tenths of a millimetre.",
+        "217 mm, 3.5 to 3.8 MPa. Peer mem4py: 440 triangles 1.55 s, 216.4 mm; 10200 triangles 327 s, 215.3 mm. The "
+        "rim folds: there are equilibria with other folds within some tenths of a millimetre.",
     ),
     Case(
         name="membranes.hencky",
