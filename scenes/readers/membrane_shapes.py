@@ -22,6 +22,7 @@ SIZES: dict[str, tuple[tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]] 
     "sphere": (("radius",), "", (), ("share",)),
     "ruled": ((), "cells_along", (), ("diagonals", "profiles")),
 }
+MOST = 500_000  # cells, of which a machine has solved as many as fit into its memory long before
 STEPS = (6, 4, 10)  # of the cells around a cylinder, which its caps need
 
 
@@ -47,8 +48,11 @@ def made_mesh(folder: Path, given: MembranesInput, choices: Choices, order: int)
     if shape == "ruled":
         assert given.profiles is not None
         lengths = [_profiles(folder / given.profiles)]
+    cells = _cells(whole, second, choices.cells)
+    if cells[0] * (cells[1] or cells[0]) * max([1, *(whole.get(key, 1) for key in others)]) > MOST:
+        raise SceneError(f"{where}.size] asks for more than {MOST} cells; take fewer.")
     try:
-        mesh = MAKERS[shape](lengths, _cells(whole, second, choices.cells), whole, options)
+        mesh = MAKERS[shape](lengths, cells, whole, options)
     except ValueError as error:
         raise SceneError(f"{where}.size]: {error}") from None
     return replace(mesh, label=f"{folder.name}/scene.toml [membranes] {mesh.label}")

@@ -22,6 +22,8 @@ from .newton import SMALLEST_SHIFT, Newton, Problem
 
 # The shift at the start, relative to the mean stiffness, and its factor after good and bad steps.
 FIRST_SHIFT, FACTOR = 1e-3, 3.0
+# Least of the mean stiffness, where all is slack, over that of the elements when they are taut.
+LEAST_UNIT = 0.1
 # Weight of the Laplacian in it. With less, airbags of some thousand triangles fold at random; with more, at the
 # middle of their sides.
 SMOOTHING = 100.0
@@ -66,7 +68,8 @@ class EnergyNewton(Newton):
     def __init__(self, problem: EnergyProblem, at: Any, atol: float, rtol: float, step_limit: float):
         super().__init__(problem, at, atol, rtol, step_limit)
         self._energy = problem.energy(at)
-        self._unit = np.maximum(self._scale(), 0.1 * problem.mean_stiffness)
+        least = np.where(problem.rotational, 0.0, LEAST_UNIT * problem.mean_stiffness)
+        self._unit = np.maximum(self._scale(), least)
         self._smoothing = problem.smoothing(at)
         self._damping = FIRST_SHIFT * min(1.0, self._relative)
 
