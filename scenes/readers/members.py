@@ -55,7 +55,9 @@ def read_members(
         from .membranes import read_membranes  # not loaded for scenes without
 
         alone = not any(getattr(structure, key) for key in ("springs", "canopy", "lines", "tubes"))
-        own = labels, nodes, fixed, alone, structure.gravity
+        weighs = structure.masses is not None or any(f.density for f in membranes.fabrics.values())
+        dead = structure.loads is not None or (weighs and structure.gravity != 0.0)
+        own = labels, nodes, fixed, alone, dead
         placed = read_membranes(folder, membranes, choices, *own)
         labels, nodes, fixed = placed.labels, placed.nodes, placed.fixed
     table_index = {label: i for i, label in enumerate(labels)}

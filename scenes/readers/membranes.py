@@ -51,12 +51,13 @@ def read_membranes(
     nodes: np.ndarray,
     fixed: np.ndarray,
     alone: bool,
-    gravity: float,
+    dead: bool,
 ) -> Placed:
     """The membranes of a scene on the nodes of its tables (`labels`, `nodes` (n,3) m, `fixed` (n,3)) and their own.
 
     `alone`: nothing but membranes and their cables holds the nodes of the mesh, so that supports must leave no rigid
-    mode. SceneError in one sentence for whatever is wrong.
+    mode; `dead`: loads of a direction of their own let it turn about its supports to where it is at rest. SceneError
+    in one sentence for whatever is wrong.
     """
     where = f"{folder.name}/scene.toml: [membranes"
     mesh = _mesh(folder, given, choices)
@@ -73,8 +74,7 @@ def read_membranes(
     cables = tuple(found for name, cable in given.cables.items() for found in _cables(where, name, cable, mesh, place))
     group, fabric = _group(folder, given, choices, mesh, place)
     if alone:
-        hanging = gravity != 0.0 and group.mass is not None
-        check_supports(mesh, fixed[place], hanging=hanging)
+        check_supports(mesh, fixed[place], hanging=dead)
     pressures = tuple(_pressures(where, given, mesh, place, fixed[place]))
     seams = {name: place[sides] for name, sides in _seams(mesh).items()}
     names = tuple(element.name for element, _ in cables)
