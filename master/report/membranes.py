@@ -111,15 +111,19 @@ def membrane_results(members: Any, blocks: dict[str, np.ndarray]) -> dict[str, A
         forces = zip(mesh.supports, blocks["support_group_force"], strict=True)
         out["support_force_N"] = {support.name: force for support, force in forces}
     if "seam_force" in blocks:
-        out["largest_seam_force_N_per_m"] = {name: float(f.max()) for name, f in seam_forces(found, blocks)}
+        out["largest_seam_force_N_per_m"] = {name: float(_size(f).max()) for name, f in seam_forces(found, blocks)}
     return out
 
 
 def seam_forces(found: MembraneState, blocks: dict[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and force per length N/m (k,) of the sides of each seam."""
+    """Name and force per length N/m (k,3) of the sides of each seam."""
     ends = np.cumsum([0, *map(len, found.seams.values())])
     for name, begin, end in zip(found.seams, ends[:-1], ends[1:], strict=True):
         yield name, blocks["seam_force"][begin:end]
+
+
+def _size(vectors: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
 def membrane_rows(members: Any, blocks: dict[str, np.ndarray]) -> list[tuple[str, str]]:
@@ -183,11 +187,11 @@ def seam_table(
 ) -> tuple[list[str], list[list[Any]]]:
     """Header and rows of seams.csv."""
     rows = [
-        [name, k + 1, *(labels[n] for n in ends), repr(float(force))]
+        [name, k + 1, *(labels[n] for n in ends), *(repr(float(part)) for part in force)]
         for (name, forces), sides in zip(seam_forces(found, blocks), found.seams.values(), strict=True)
         for k, (ends, force) in enumerate(zip(sides.tolist(), forces, strict=True))
     ]
-    return ["seam", "side", "node_1", "node_2", "force_N_per_m"], rows
+    return ["seam", "side", "node_1", "node_2", *(f"force_{axis}_N_per_m" for axis in "xyz")], rows
 
 
 # The plot

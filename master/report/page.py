@@ -265,7 +265,8 @@ def membrane_tables(members: Any, blocks: dict[str, np.ndarray]) -> list[Table]:
         ]
         tables.append(_table("Forces on groups of supports", ["group", "nodes", "force, N"], shown))
     if "seam_force" in blocks:
-        seams = [[name, len(f), f.min(), f.mean(), f.max()] for name, f in seam_forces(found, blocks)]
+        sizes = [(name, np.linalg.norm(f, axis=1)) for name, f in seam_forces(found, blocks)]
+        seams = [[name, len(f), f.min(), f.mean(), f.max()] for name, f in sizes]
         header = ["seam", "sides", "least, N/m", "mean, N/m", "largest, N/m"]
         tables.append(_table("Forces of seams (every side: seams.csv)", header, seams))
     return tables

@@ -28,8 +28,6 @@ class MembraneModel:
         self.mesh, self._nodes = mesh, nodes
         ends = [np.zeros((0, 2), dtype=int), *mesh.seams.values()]
         self._sides = np.concatenate(ends)
-        counts = [len(sides) for sides in mesh.seams.values()]
-        self._seam = np.repeat(np.arange(len(counts)), counts)
 
     @property
     def groups(self):
@@ -85,10 +83,9 @@ class MembraneModel:
             )
         if len(self._sides):
             labels = tuple(f"side {k + 1} of {name}" for name, sides in mesh.seams.items() for k in range(len(sides)))
-            text = "force per length of the pattern that the membranes pass on across the seam"
-            yield output(
-                "seam_force", (len(labels),), unit="N/m", description=text, labels=labels, counts="side of a seam"
-            )
+            text = "force per length of the pattern with which the membranes beside it pull at the seam"
+            shape = len(labels), 3
+            yield output("seam_force", shape, unit="N/m", description=text, labels=labels, counts="side of a seam")
 
     def shown(self, measured, x, axes):
         """Outputs that follow from a shape: positions x (n,3) m and what the elements `measured` there."""
@@ -107,7 +104,7 @@ class MembraneModel:
             if p.encloses:
                 out[f"{p.name}_volume"] = enclosed_volume(x, p.faces)
         if len(self._sides):
-            out["seam_force"] = np.linalg.norm(seam_forces(self.mesh.group, x, self._sides), axis=1)
+            out["seam_force"] = outward(seam_forces(self.mesh.group, x, self._sides), axes)
         return out
 
     def reactions(self, structure, x, loads, rotations, axes):
