@@ -1,5 +1,6 @@
 """Membranes as scenes have them, against series, closed forms and laws of statics."""
 
+import shutil
 import subprocess
 import sys
 
@@ -8,6 +9,7 @@ import pytest
 
 import scenes
 from benchmarks.particle_membrane import series
+from master.coupling import SCHEMES, Coupling, solve
 from scenes.builders.surfaces import airbag
 from scenes.cores.structure import StructuralModel
 from tests.scenes.membrane_scenes import ISOTROPIC, held, rectangle, solved, written
@@ -286,3 +288,25 @@ def test_a_scene_without_membranes_loads_none_of_their_code():
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+def test_membranes_bear_the_strips_of_a_wing_where_its_struts_are_nodes_of_theirs(tmp_path):
+    """A plate of two triangles instead of six springs, as stiff in its plane, rises and twists as that does."""
+    sheet = rectangle(1, 1.0, 1.0, 'diagonals = "one-way"', ISOTROPIC.replace("1e5", "1e8"))
+    shapes = []
+    for name, more in (("springs", None), ("membrane", f"\n[membranes]\n{sheet}")):
+        folder = shutil.copytree(scenes.load("typical_section").folder, tmp_path / name)
+        rows = [row.split(",") for row in (folder / "nodes.csv").read_text().strip().split("\n")]
+        for row in rows[1:]:
+            row[2] = repr(float(row[2]) + 0.5)  # the mesh begins at y = 0
+            row[3] = repr(-1e-5 if row[0].startswith("ground") else 0.0)  # so that a place is that of one node
+        (folder / "nodes.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+        toml = (folder / "scene.toml").read_text()
+        if more is not None:
+            (folder / "scene.toml").write_text(toml.replace('canopy = "canopy.csv"\n', "") + more)
+        scene = scenes.load(folder, {"variant": "restoring"})
+        pair = Coupling.in_process(scene, {"symmetric": 0.0})
+        assert solve(pair, SCHEMES["iqn-ils"]()).status == "converged"
+        shapes.append(pair.structural.get("displacement"))
+        assert len(scene.interface.panels) == 4  # of the strips alone: membranes are no part of the interface here
+    assert shapes[1] == pytest.approx(shapes[0], abs=1e-3 * np.abs(shapes[0]).max())  # neither is quite rigid
