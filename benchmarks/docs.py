@@ -72,7 +72,7 @@ def write(results: Path, names=(), root=ROOT):
 
         def part(m, figures=figures):
             if names and not any(matches(m.group(2), name) for name in names):
-                return m.group(0)
+                return _cases(m.group(0), names, results, root, figures) if m.group(2) == "cases" else m.group(0)
             return f"{m.group(1)}\n{fragment(m.group(2), results, root, figures)}\n\n{m.group(3)}"
 
         new[page] = text, MARKER.sub(part, text)
@@ -91,6 +91,17 @@ def fragment(name, results: Path, root=ROOT, figures="figures"):
     if name.endswith(".svg"):
         return _figure(registered()[name.removesuffix(".svg")], results, root, figures)
     return _read(results / f"{name}.md", name).strip()
+
+
+def _cases(part, names, results, root, figures):
+    """The part `cases` with new sections of the cases that are named, and the others as they are."""
+    for case in (e for e in registered().values() if isinstance(e, Case) and any(matches(e.name, n) for n in names)):
+        old = re.compile(rf"^## {re.escape(case.title)}\n.*?(?=^## |^<!-- end -->)", re.DOTALL | re.MULTILINE)
+        if not old.search(part):
+            raise MissingResult(f"the part cases has no section of {case.name}; write all of it: name `cases`.")
+        new = f"{_section(case, results, root, figures)}\n\n"
+        part = old.sub(lambda _, new=new: new, part)
+    return part
 
 
 def _section(case, results, root, figures):

@@ -1,9 +1,11 @@
-"""V3 kite coupled: schemes against wind, critical relaxation, stability, strips, ranges, line drag, as tables."""
+"""V3 kite coupled: schemes against wind, critical relaxation, stability, strips, folding tips, ranges, line drag."""
 
 import functools
 
 import numpy as np
+from scipy.optimize import brentq
 
+import scenes
 from master.coupling import SCHEMES, coupled_run, solve
 from master.coupling.acceleration import Aitken, ConstantRelaxation
 from master.coupling.spectrum import critical_relaxation, dominant_eigenvalue
@@ -13,6 +15,14 @@ from .registry import Table
 from .text import lines, table
 
 SPEEDS = (8.0, 12.0, 20.0)  # m/s
+STRIP_SPEEDS = (8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 22.0, 24.0)  # m/s
+RAISED = {  # strips a bay -> winds m/s, to beyond the end of the branch with tips up
+    4: (20.0, 21.0, 22.0, 22.4, 22.5, 22.58, 22.7),
+    8: (20.0, 21.0, 22.0, 22.5, 23.0, 23.1, 23.16, 23.3),
+}
+LOWERED = (24.0, 22.0, 20.0, 18.0, 16.0, 15.0)  # m/s
+FLIGHT = ("iterations", "status", "alpha deg", "C_L", "tip span m", "pull N")
+TIPS = ("alpha tip strip deg", "without lift at deg", "circulation, tip bay / middle")
 CELLS = ("iterations", "status", "residual_N", "alpha deg", "tip span m", "support force N", "slack lines", "ms")
 
 
@@ -87,20 +97,80 @@ def stability(quick):
 
 
 def strips(quick):
-    """Influence of strips, chord and line modulus at 12 and 20 m/s."""
+    """Strips a bay over wind, as the scene ships otherwise."""
+    rows = []
+    for speed in (12.0,) if quick else STRIP_SPEEDS:
+        for per_bay in (1, 4) if quick else (1, 2, 4, 8):
+            coupling = in_process("v3_kite", {"panels_per_section": per_bay}, wind_speed=speed)
+            result = solve(coupling, SCHEMES["iqn-ils"]())
+            rows.append([f"{speed:g}", str(per_bay), *flight(result, coupling), *tips(coupling.aero, per_bay)])
+    return lines(
+        table(("wind m/s", "strips a bay", *FLIGHT, *TIPS), rows),
+        "With line drag, from the automatic trim start. The tip strip is the outermost one; its α is the effective "
+        "one, beside the angle at which its polar has no lift. Circulation of the tip bay: mean over its strips, over "
+        "that at mid-span.",
+    )
+
+
+def flight(result, coupling):
+    """`FLIGHT` of a coupled solve."""
+    aero, structural = coupling.aero, coupling.structural
+    return [
+        str(result.iterations),
+        result.status,
+        f"{np.rad2deg(float(aero.get('alpha_mid'))):.2f}",
+        f"{float(aero.get('CL')):.3f}",
+        f"{float(aero.get('tip_span')):.3f}",
+        f"{np.linalg.norm(structural.get('support_force')):.0f}",
+    ]
+
+
+def tips(aero, per_bay):
+    """`TIPS` of a flow."""
+    polars = scenes.load("v3_kite", {"panels_per_section": per_bay}).strip_polars()
+
+    def lift(angle):
+        return float(polars.lift(np.full(9 * per_bay, angle))[0][0])
+
+    none = brentq(lift, *np.deg2rad((-6.0, 4.0)))
+    gamma = aero.get("circulation")
+    ratio = gamma[:per_bay].mean() / gamma[gamma.size // 2]
+    return [f"{np.rad2deg(aero.get('alpha')[0]):.2f}", f"{np.rad2deg(none):.2f}", f"{ratio:.3f}"]
+
+
+def ramp(quick):
+    """Wind raised until the tips fold, and lowered from where they are folded, each solve from the one before."""
+    rows = []
+    for per_bay, raised in list(RAISED.items())[:1] if quick else RAISED.items():
+        for winds in (raised[:2],) if quick else (raised, LOWERED):
+            coupling = in_process("v3_kite", {"panels_per_section": per_bay}, wind_speed=winds[0])
+            for wind in winds:
+                coupling.aero.set("wind_speed", wind)
+                run = coupled_run(coupling, SCHEMES["iqn-ils"](), max_iterations=120)
+                eigenvalue = f"{run.stability.eigenvalue:.2f}" if run.stability else ""
+                told = flight(run.result, coupling)
+                rows.append([f"{per_bay}", f"{wind:g}", *told, *tips(coupling.aero, per_bay), eigenvalue])
+    return lines(
+        table(("strips a bay", "wind m/s", *FLIGHT, *TIPS, "rightmost eigenvalue"), rows),
+        "With line drag; the first of each row of winds is solved from the automatic trim start. Where the rightmost "
+        "eigenvalue of the coupled map comes to 1, the branch ends.",
+    )
+
+
+def choices(quick):
+    """Influence of chord and line modulus, with few and many strips."""
     tried = (
-        *(("structural", k, 0.55e9) for k in (1, 2, 4, 8, 12)),
-        ("structural", 4, 100e9),
-        ("design", 1, 0.55e9),
-        ("design", 4, 0.55e9),
+        *(("structural", k, 0.55e9) for k in (1, 4, 12)),
+        *(("structural", k, 100e9) for k in (1, 4)),
+        *(("design", k, 0.55e9) for k in (1, 4)),
     )
     rows = []
     for speed in (12.0,) if quick else (12.0, 20.0):
         for chord, per_bay, modulus in tried[:2] if quick else tried:
             coupling = kite({"chord": chord, "panels_per_section": per_bay}, wind_speed=speed, line_modulus=modulus)
             result = solve(coupling, SCHEMES["iqn-ils"]())
-            rows.append([f"{speed:g}", chord, str(9 * per_bay), f"{modulus / 1e9:g}", *cells(result, coupling)])
-    return lines(table(("wind m/s", "chord", "strips", "line modulus GPa", *CELLS), rows))
+            rows.append([f"{speed:g}", chord, str(per_bay), f"{modulus / 1e9:g}", *cells(result, coupling)])
+    return lines(table(("wind m/s", "chord", "strips a bay", "line modulus GPa", *CELLS), rows))
 
 
 def ranges(quick):
@@ -115,20 +185,6 @@ def ranges(quick):
             row.append(str(result.iterations) if result.status == "converged" else result.status)
         rows.append(row)
     return lines(table(("power tape m", *(f"{w:g} m/s" for w in winds)), rows))
-
-
-def ramp(quick):
-    """Wind raised step by step: design chord up to 20 m/s, structural chord until it folds; 36 strips."""
-    rows = []
-    for chord, first, winds in (("design", 8.0, range(8, 21)), ("structural", 12.0, (12, 14, 16, 17, 18, 20))):
-        coupling = kite({"chord": chord, "panels_per_section": 4}, wind_speed=first)
-        for wind in list(winds)[:2] if quick else winds:
-            coupling.aero.set("wind_speed", float(wind))
-            result = solve(coupling, SCHEMES["iqn-ils"](), max_iterations=80)
-            rows.append([chord, f"{wind:g}", *cells(result, coupling)])
-            if result.status == "diverged":
-                break
-    return lines(table(("chord", "wind m/s", *CELLS), rows))
 
 
 def against_askite(quick):
@@ -164,8 +220,9 @@ ENTRIES = (
     Table("v3_coupled.schemes", "Every scheme from the trim start", schemes),
     Table("v3_coupled.askite", "Beside the peer that couples the same model", against_askite),
     Table("v3_coupled.stability", "Static stability with and without symmetry and gravity", stability),
-    Table("v3_coupled.strips", "Strips, chord and line modulus", strips),
-    Table("v3_coupled.ramp", "Wind raised step by step, 36 strips, each solve from the one before", ramp),
+    Table("v3_coupled.strips", "Strips a bay over wind", strips),
+    Table("v3_coupled.choices", "Chord and line modulus, with few and many strips", choices),
+    Table("v3_coupled.ramp", "Wind raised until the tips fold, and lowered with folded tips", ramp),
     Table("v3_coupled.range", "Wind speed and power tape: coupling iterations, or how the run ended", ranges),
     Table("v3_coupled.line_drag", "What line drag changes", line_drag),
 )

@@ -34,10 +34,8 @@ def _loads(mesh):
 
 
 @contextlib.contextmanager
-def from_design_shape(series, mesh, over=()):
-    """A first solve of the structure from the design shape, `over` equilibria with line moduli Pa; the answer is the
-    place of the leading edge at each rib.
-    """
+def from_design_shape(series, mesh):
+    """A first solve of the structure from the design shape; the answer is the place of the leading edge at each rib."""
     scene = _scene(mesh)
     loads, trim = _loads(mesh)
 
@@ -47,9 +45,8 @@ def from_design_shape(series, mesh, over=()):
         core.set("solver_tolerance", TOLERANCE)
         for block, values in loads.items():
             core.set(block, values)
-        for modulus in (*over, MODULI[series]):
-            core.set("line_modulus", modulus)
-            core.step(0.0, 1.0)
+        core.set("line_modulus", MODULI[series])
+        core.step(0.0, 1.0)
         line = scene.members.area > 0.0
         strain = core.get("strain")
         return Outcome(
@@ -71,9 +68,7 @@ def from_design_shape(series, mesh, over=()):
 
 @functools.cache
 def _finest(series):
-    # stiff lines directly take 550 to 650 of the 600 Newton iterations allowed here, as rounding has it
-    over = [0.3 * MODULI[series]] if MODULI[series] > 1e10 else []
-    with from_design_shape(series, 5, over) as work:
+    with from_design_shape(series, 5) as work:
         return work().answer[:: MESHES[5][1]]
 
 

@@ -62,8 +62,12 @@ class Criterion:
 
 
 def worst(values: np.ndarray) -> tuple[float, int]:
-    """The largest of the values (k,) and its number, from 1; 0 and 0 where none is above zero."""
+    """The largest of the values (k,) and its number, from 1; 0 and 0 where none is above zero. One that is no number is
+    the worst of all.
+    """
     most = float(values.max(initial=0.0))
+    if np.isnan(most):
+        return most, int(np.argmax(np.isnan(values))) + 1
     return (most, int(np.argmax(values >= most * (1.0 - ALIKE))) + 1) if most > 0.0 else (0.0, 0)
 
 

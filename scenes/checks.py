@@ -5,6 +5,8 @@ import numpy as np
 from interface.mirror import MIRROR, mirror_permutation
 from structural.dofs import rotation_images
 
+from .cores.symmetry import unlike
+
 PRESTRAIN = 0.05  # over the rest length, in the reference configuration
 COINCIDENT = 1e-6  # m, as for mirror images
 ROUNDING = 1e-9  # of masses, relative
@@ -80,7 +82,7 @@ def asymmetry(members, groups):
         if np.any(rows < 0):
             return f"element {group.label(int(np.argmin(rows)))} has no mirror image"
         for what, values in group.properties().items():
-            odd = np.flatnonzero((values != values[rows]).reshape(len(rows), -1).any(axis=1))
+            odd = np.flatnonzero(unlike(values, values[rows]).reshape(len(rows), -1).any(axis=1))
             if len(odd):
                 e, i = odd[0], rows[odd[0]]
                 one, two = (np.array2string(values[k], precision=12) for k in (e, i))

@@ -67,7 +67,7 @@ def coupled_run(
         causality[label] = dict(participant.causality)
     told = "recovered" if result.status == "converged" else "tried to recover"
     remarks = _remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
-    remarks += _branch_remarks(result.history)
+    remarks += _branch_remarks(result.history, blocks["aero"])
     remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
     evaluations, validity = coupling.evaluations, coupling.validity()
     return Run(status, message, result, judged, blocks, causality, remarks, evaluations, validity)
@@ -82,9 +82,11 @@ def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
     return remarks
 
 
-def _branch_remarks(history: list[dict[str, float]]) -> list[str]:
-    """Whether the end is far from the start, another equilibrium than the one meant, by the first and the last row."""
-    first, last = (history[k].get("aero.CL", np.nan) if history else np.nan for k in (0, -1))
+def _branch_remarks(history: list[dict[str, float]], flow: dict[str, np.ndarray]) -> list[str]:
+    """Whether the lift is far from that of the start, the first row: then this may be another equilibrium than the one
+    meant. Folded tips are judged by the flow itself (`validity`).
+    """
+    first, last = history[0].get("aero.CL", np.nan) if history else np.nan, float(flow.get("CL", np.nan))
     if first > 0.0 and not first / LIFT_JUMP <= last <= first * LIFT_JUMP:
         return [f"C_L is {last:.3g}, {first:.3g} at the start: perhaps another equilibrium than the one meant"]
     return []

@@ -4,7 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from interface import Criterion
+from interface.validity import ALIKE
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,11 @@ def _judged(side: str, participant: Any, criterion: Criterion, time: float | Non
     return Judgement(side, criterion, float(participant.get(criterion.name)), criterion.named(place), time)
 
 
+def _worse(value: float, before: float) -> bool:
+    """Whether a value is above the one before by more than rounding, or no number where that was one."""
+    return bool(np.isnan(value) and not np.isnan(before)) or value > before * (1.0 + ALIKE)
+
+
 class Peaks:
     """The largest values of a transient run so far: every criterion of every participant with where and when."""
 
@@ -65,8 +73,8 @@ class Peaks:
     def take(self, time: float) -> None:
         """Look at the present outputs, at a time s."""
         for side, participant, criterion in self._judged:
-            before = self._found.get((side, criterion.name))
-            if before is None or not float(participant.get(criterion.name)) <= before.value:
+            before, value = self._found.get((side, criterion.name)), float(participant.get(criterion.name))
+            if before is None or _worse(value, before.value):
                 self._found[side, criterion.name] = _judged(side, participant, criterion, time)
 
     @property

@@ -13,5 +13,5 @@ def validity_row(found: Sequence[Judgement]) -> tuple[str, str]:
     many = [j for j in found if j.criterion.labels and j.criterion.limit > 0.0]
     near = max(many, key=lambda j: j.value / j.criterion.limit, default=None)
     if near is None:
-        return "validity", "within" if found else "not judged, as no model here has limits"
+        return "validity", "within" if found else "not judged: no step was completed, or no model here has limits"
     return "validity", f"within; closest: {near.text}"

@@ -8,7 +8,7 @@ import numpy as np
 
 from aero import AeroModel, Flow, Gusts, coefficients, glide_ratio
 from aero.model import LOADS
-from interface import UprightPlane, Variable, area_vectors
+from interface import StepFailed, UprightPlane, Variable, area_vectors
 from interface.mirror import mirror_permutation, symmetrised
 from interface.validity import Criterion, outside, outside_variable
 
@@ -189,9 +189,20 @@ class FlowSolver(Solver):
     def _flow(self, values, speed, dt=0.0):
         direction = values["wind_direction"]
         direction = np.ldexp(direction, -np.frexp(np.abs(direction).max())[1])  # exact, and its square is a number
+        if self._turns:
+            self._refuse_along_span(inward(direction, self._heading.axes(values)))
         nodes = self._interface.nodes + values["displacement"]
         air = float(values["air_density"]), self._about, values.get("velocity")
         return Flow(nodes, direction / np.linalg.norm(direction), speed, *air, dt)
+
+    @staticmethod
+    def _refuse_along_span(direction):
+        """StepFailed for a wind, in the axes of the kite at its start, that has nothing across its span."""
+        if not np.abs(direction[[0, 2]]).max() > 1e-6 * np.abs(direction).max():
+            raise StepFailed(
+                "the wind blows along the span of the wing; turn the kite to it (start_azimuth) or set another "
+                "wind_direction."
+            )
 
     def _solved(self, values, flow, states, time):
         states = states or (None,) * len(self.models)

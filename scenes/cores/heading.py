@@ -1,6 +1,6 @@
 """Which way a kite looks: its own axes, x downwind and y along the span, in which a turned kite is the one drawn."""
 
-from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +25,10 @@ class Heading:
         angle = azimuth([across[1], -across[0], 0.0])
         self.drawn = angle if abs(angle) > SMALLEST and _turnable(scene.members.fixed) else 0.0
         self.about = tips.mean(axis=0) if scene.pivot is None else nodes[scene.pivot]
-        self._home = self.about * np.array([1.0, 0.0 if self.drawn else 1.0, 1.0])
+        self._home = self.about
+        if self.drawn:  # as far from the plane y = 0 as it is from the plane half way between the tips
+            aside = (self.about - tips.mean(axis=0)) @ azimuth_axes(self.drawn)[:, 1]
+            self._home = np.array([self.about[0], aside, self.about[2]])
 
     def axes(self, values):
         """Columns (3,3) of the axes of the kite with these values of parameters; None where they are global."""
@@ -71,8 +74,8 @@ def azimuth_variables(scene):
     if scene.trim is not None:
         text = "rigid rotation about the upright axis through the pivot in which the kite starts, after trim_angle; "
         text += "its plane of symmetry turns with it"
-        turned = partial(Variable, "start_azimuth", causality="parameter", variability="fixed", unit="rad")
-        yield turned(minimum=-7.0, maximum=7.0, description=text)
+        kind: dict[str, Any] = {"causality": "parameter", "variability": "fixed", "unit": "rad"}
+        yield Variable("start_azimuth", **kind, minimum=-7.0, maximum=7.0, description=text)
 
 
 def start_azimuth(scene, direction):

@@ -16,6 +16,8 @@ from .structure import StructuralModel
 
 # Young's modulus Pa to which lines are softened for the start of a first solve.
 START_MODULUS = 1e9
+# The same, one after the other, where that start does not lead to the equilibrium.
+STIFFENED = (START_MODULUS, 3e9, 3e10)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +67,17 @@ class Statics(Solver):
         groups, loads, held = model.groups(values), model.loads(values), self._is_held(values)
         symmetric = model.symmetric(values, groups, (loads,), state.x)
         assembly, tolerance = model.assembly(symmetric, held), float(values["solver_tolerance"])
-        start = (
-            self._softened_start(assembly, values, loads, state) if first and model.members.wing is not None else state
-        )
-        found = self._equilibrium(assembly, loads, start, tolerance, groups)
-        if not found.converged:
+        begun, spent = first and model.members.wing is not None, 0
+        for moduli in ((START_MODULUS,), STIFFENED) if begun else ((),):
+            start = self._softened_start(assembly, values, loads, state, moduli)
+            found = self._equilibrium(assembly, loads, start, tolerance, groups)
+            spent += found.iterations
+            if found.converged:
+                break
+        else:
             moved = np.linalg.norm(found.x - state.x, axis=1)
             raise StepFailed(
-                f"static equilibrium not found in {found.iterations} Newton iterations ({found.status}): "
+                f"static equilibrium not found in {spent} Newton iterations ({found.status}): "
                 f"{found.residual:.3g} N out of balance, {tolerance:.3g} N asked for; node "
                 f"{model.members.labels[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
             )
@@ -82,7 +87,7 @@ class Statics(Solver):
             "residual": found.residual,
             "imbalance_before_step": found.residuals[0],
             "unstable_modes": found.unstable_modes,
-            "newton_iterations": found.iterations,
+            "newton_iterations": spent,
             "symmetry_used": float(symmetric),
         }
         out |= model.membrane_reactions(values, groups, loads, found.x, found.rotations)
@@ -107,21 +112,25 @@ class Statics(Solver):
     def _is_held(values):
         return bool(values.get("hold_roll_and_yaw", False))
 
-    def _softened_start(self, assembly, values, loads, state):
-        """The shape to start the first solve from: the equilibrium with softened lines.
+    def _softened_start(self, assembly, values, loads, state, moduli):
+        """The shape to start the first solve from: the equilibrium with softened lines, of these moduli Pa in turn.
 
         In the design shape of a full bridle many lines are far off their rest lengths; stiff ones make Newton crawl
         from kink to kink. Softened to START_MODULUS they let the kite find its attitude, from where the stiff ones are
         near. Only the start depends on it.
         """
-        soft = self.model.softened(self.model.chains(values), START_MODULUS)
-        if soft is None:
-            return state
         on = loads.on.get("panels")
         force = float(np.linalg.norm(loads.dead)) + (0.0 if on is None else float(np.abs(on.pressure).sum()))
-        groups = self.model.with_chains(values, soft)
-        near = equilibrium(assembly, loads, state.x, max(1e-3, 1e-6 * force), groups=groups, rotations=state.rotations)
-        return Shape(near.x, near.rotations) if near.converged else state
+        tolerance, chains = max(1e-3, 1e-6 * force), self.model.chains(values)
+        for soft in (self.model.softened(chains, modulus) for modulus in moduli):
+            if soft is None:
+                break
+            groups = self.model.with_chains(values, soft)
+            near = equilibrium(assembly, loads, state.x, tolerance, groups=groups, rotations=state.rotations)
+            if not near.converged:
+                break
+            state = Shape(near.x, near.rotations)
+        return state
 
     def _holding(self, values, groups, loads, shape, held):
         """Reactions of the held node: what the free structure is out of balance by."""

@@ -192,7 +192,7 @@ def _of_elements(scene, model):
     yield of_element("length", unit="m", description="length, over all legs of a rope")
     if wing is None:
         yield of_element("strain", description=STRAIN)
-    text = "stiffness times rest length, EA: the tension over the strain where it is taut"
+    text = "stiffness times rest length, EA: the tension over the strain where it is taut; 0 without a rest length"
     yield of_element("axial_stiffness", unit="N", description=text)
     if wing is not None:
         of_tube = partial(output, shape=(len(wing.tubes.names),), labels=wing.tubes.names, counts="tube", unit="m")

@@ -8,6 +8,8 @@ from structural.dofs import rotation_images
 # What still counts as symmetric: loads of mirrored panels and nodes that differ by the rounding of an aerodynamic
 # solve relative to the largest, and positions that differ by what a solver tolerance of 1e-4 N leaves open (m).
 LOAD_ASYMMETRY, POSITION_ASYMMETRY = 1e-9, 1e-6
+# Of properties of elements, over the largest of their kind: what turning leaves of springs between points of 10 m.
+PROPERTY_ASYMMETRY = 1e-10
 
 
 def mirror_images(interface):
@@ -20,6 +22,14 @@ def mirror_images(interface):
     return None if np.any(panels < 0) or np.any(lines < 0) else (panels, lines)
 
 
+def unlike(values, images):
+    """Where properties (e,...) differ from those of the mirror images (e,...) by more than rounding, which lengths that
+    were measured between turned points have.
+    """
+    apart = np.abs(np.asarray(values, float) - images)
+    return apart > PROPERTY_ASYMMETRY * np.abs(values).max(initial=0.0)
+
+
 def symmetric_groups(groups, mirror, rotation_nodes):
     """Whether every element has a mirror image with the same properties, `mirror` (n,) being that of the nodes and
     `rotation_nodes` (r,) the nodes of the nodal rotations.
@@ -30,7 +40,7 @@ def symmetric_groups(groups, mirror, rotation_nodes):
         return False
     for group in groups:
         rows = group.images(mirror, rotations)
-        if np.any(rows < 0) or any(np.any(a != a[rows]) for a in group.properties().values()):
+        if np.any(rows < 0) or any(unlike(a, a[rows]).any() for a in group.properties().values()):
             return False
     return True
 

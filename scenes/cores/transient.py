@@ -108,7 +108,7 @@ class Transient(Solver):
 
     def _start_positions(self, values):
         x, _ = self.model.start(values)
-        if self._start is None:
+        if self._start is None or not bool(values["start_in_equilibrium"]):
             return x
         heading, axes = self.model.heading, self.model.heading.axes(values)
         drawn = heading.placed(x, axes)
@@ -120,7 +120,7 @@ class Transient(Solver):
 
     def follow(self, block, values, state, started):
         """See Solver."""
-        if block in ("trim_angle", "start_azimuth"):
+        if block in ("trim_angle", "start_azimuth", "start_in_equilibrium"):
             state = replace(state, x=self._start_positions(values))
         elif started:
             return Result()

@@ -37,6 +37,12 @@ def _trim(scene, core, structure):
     names = {v.name for v in core.variables}
     if scene.pivot is None:
         raise SceneError(f"{scene.name}/scene.toml: [trim] needs [structure] pivot, the node to turn about; add it.")
+    wind = core.get("wind_direction")
+    if not np.hypot(wind[0], wind[1]) > 1e-6 * np.linalg.norm(wind):
+        raise SceneError(
+            f"{scene.name}: the wind blows straight {'up' if wind[2] > 0.0 else 'down'}, where a kite has no attitude "
+            "to start in; give wind_direction a horizontal part, or set trim_angle."
+        )
     members, nodes = scene.members, scene.interface.nodes
     heading, azimuth = scene.heading, {"start_azimuth": float(core.get("start_azimuth"))}
     axes = heading.axes(azimuth)

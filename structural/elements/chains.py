@@ -23,7 +23,8 @@ TOUCH = 1e-10
 # of a line that becomes taut at speed would jump else, and an implicit step over the jump would have no solution.
 ONSET = 1e-5
 
-# Strain above which the stiffness of lines is not that of lines any more, and that of springs in place of a canopy.
+# Strain above which the stiffness of lines is not that of lines any more, and that of the nets of an inflatable wing
+# not that of the fabric that they stand for.
 LINE_STRAIN = Criterion(
     "largest_line_strain",
     "line strain",

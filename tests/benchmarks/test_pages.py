@@ -84,6 +84,24 @@ def test_a_figure_is_copied_and_linked_from_where_the_page_stands(root):
     assert (root / "docs" / "figures" / "saddle.nodes.svg").is_file()
 
 
+def test_a_case_that_is_named_gets_a_new_section_among_those_of_all_cases(root):
+    first, second, third = (registered()[name] for name in CASES[:3])
+    page = "\n".join(
+        [OPEN.format("cases"), "", *(f"## {case.title}\n\nold\n" for case in (first, second, third)), "<!-- end -->\n"]
+    )
+    (root / "docs" / "page.md").write_text(page)
+    for name in (".svg", ".md"):
+        (root / "results" / f"{second.name}{name}").write_text("new")
+    assert write(root / "results", [second.name], root=root)
+    text = (root / "docs" / "page.md").read_text()
+    figure = f"![{second.title}](figures/{second.name}.svg)\n\nFigure: {second.title}; {command(second.name)}."
+    assert text == page.replace(f"## {second.title}\n\nold\n", f"## {second.title}\n\n{figure}\n\nnew\n")
+    assert (root / "docs" / "figures" / f"{second.name}.svg").read_text() == "new"
+    (root / "docs" / "page.md").write_text(page.replace(second.title, "Another title"))
+    with pytest.raises(MissingResult, match=f"no section of {second.name}"):
+        write(root / "results", [second.name], root=root)
+
+
 def test_a_missing_result_is_named_with_the_command_that_makes_it_and_no_page_is_touched(root):
     (root / "README.md").write_text(f"{OPEN.format('v3_aero.errors')}\nkept\n<!-- end -->\n")
     with pytest.raises(MissingResult, match=f"v3_aero.errors.md is missing; {command('v3_aero.errors')}"):

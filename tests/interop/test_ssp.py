@@ -15,7 +15,7 @@ from tests.docs.pages import checked
 from tests.interop import tools
 from tests.interop.tools import PAGE
 
-SCENE, WIND, STEPS = "v3_kite", 12.0, 10
+SCENE, WIND, STEPS = "v3_kite", 12.0, 8  # begun from zero, the tenth step is discarded
 LOADS = ("pressure", "shear", "line_load")
 COMPARED = (("structural", "displacement"), *(("aero", name) for name in LOADS))
 

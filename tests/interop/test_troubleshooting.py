@@ -106,7 +106,7 @@ class Provoked:
 
     arrays_are_not_exposed = container_is_built
 
-    def container_folds_its_tips(self):
+    def container_is_thrown_off(self):
         Row().of_package("fmucontainer", "fmu-manipulation-toolbox", "", "fmu_manipulation_toolbox")
         return self.request.getfixturevalue("flow_first")[1]
 

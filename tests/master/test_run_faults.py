@@ -9,6 +9,7 @@ import pytest
 from benchmarks.problems import BACKENDS, in_process
 from master import commands, restart
 from master.coupling import Coupling, coupled_run, scheme, solve
+from master.coupling.run import _branch_remarks
 from master.report import summary
 from tests.master.toys import Faulty
 
@@ -297,3 +298,15 @@ def test_a_fault_after_a_restart_is_overcome_from_the_same_best_point(tmp_path, 
     assert rest.recoveries == whole.recoveries
     assert np.array_equal(rest.displacement, whole.displacement)
     assert rest.iterations == whole.iterations
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "told"),
+    [(0.6, 0.65, 0), (0.6, 0.21, 0), (0.6, 0.19, 1), (0.6, -0.4, 1), (0.6, 1.9, 1), (-0.1, 0.5, 0)],
+)
+def test_a_lift_far_from_that_of_the_start_is_told(first, last, told):
+    """A third or three times of it, or the other sign; nothing is known where the start had none."""
+    found = _branch_remarks([{"aero.CL": first}, {"aero.CL": 9.0}], {"CL": np.array(last)})
+    assert len(found) == told
+    assert all(f"C_L is {last:g}, {first:g} at the start" in text for text in found)
+    assert _branch_remarks([], {}) == []

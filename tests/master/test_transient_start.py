@@ -114,6 +114,10 @@ def test_a_start_is_that_of_its_parameters_and_leaves_the_solvers_as_they_were()
     assert np.allclose(shape, sides["aero"].get("displacement"), atol=1e-12)  # rounding: both sides start in it
     assert np.ptp(_exchanged_once(sides["aero"], sides["structural"], 20, "serial")) < STILL
     assert np.abs(sides["structural"].get("displacement") - shape).max() < 1e-6
+    # nor is it the start of who wants the shape of the tables
+    from_tables = given | {"start_in_equilibrium": 0.0}
+    drawn = _sides(scene, from_tables)["structural"].get("position")
+    assert np.array_equal(_sides(started, from_tables)["structural"].get("position"), drawn)
     # another trim angle is another start, of which nothing is known
     turned = _sides(started, given | {"trim_angle": 0.1})["structural"].get("position")
     assert np.array_equal(turned, _sides(scene, given | {"trim_angle": 0.1})["structural"].get("position"))

@@ -158,7 +158,7 @@ def test_fmus_give_the_same_verdict_as_the_solvers_in_this_process(tmp_path):
 def test_participants_without_criteria_are_not_judged():
     from master.report.validity import validity_row
 
-    assert validity_row([]) == ("validity", "not judged, as no model here has limits")
+    assert validity_row([]) == ("validity", "not judged: no step was completed, or no model here has limits")
 
 
 def test_comparison_counts_what_is_outside_validity():

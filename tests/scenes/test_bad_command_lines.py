@@ -54,7 +54,7 @@ WORDS = {
     "tape of no length": (["v3_kite", *_set("power_tape_length=0")], ["power_tape_length"]),
     "hurricane": (["v3_kite", *_set("wind_speed=1e200")], ["wind"]),
     "air of lead": (["v3_kite", *_set("air_density=1e308")], ["air"]),
-    "cross wind only": (["v3_kite", *_set("wind_direction=0,1,0")], ["wind"]),
+    "cross wind only": (["typical_section", *_set("wind_direction=0,1,0")], ["wind"]),
     "tolerance zero": (["v3_kite", "--tolerance", "0"], ["--tolerance"]),
     "tolerance NaN": (["v3_kite", "--tolerance", "nan"], ["--tolerance"]),
     "force tolerance negative": (["v3_kite", "--force-tolerance", "-1"], ["--force-tolerance"]),

@@ -8,7 +8,7 @@ import pytest
 import scenes
 from aero.wind import coefficients
 from benchmarks.problems import as_fmus
-from interface import UprightPlane
+from interface import StepFailed, UprightPlane
 from interface.vectors import azimuth, azimuth_axes
 from master import IQNILS
 from master.commands import run_scene
@@ -82,6 +82,36 @@ def turned_copy(name, folder, degrees):
     lines = [line for line in text.splitlines() if not line.startswith("wind_direction")]
     (scene / "scene.toml").write_text("\n".join(lines).replace("[aero]", f"[aero]\nwind_direction = [{wind}]"))
     return scenes.load(scene)
+
+
+def test_springs_measured_between_turned_points_are_mirror_images_of_one_another(tmp_path):
+    """Of an inflatable wing, whose rest lengths follow from its nodes: half of it is solved however it is drawn."""
+    folder = turned_copy("v3_kite_detailed", tmp_path, 37.0).folder
+    core = scenes.load(folder, {"canopy_stations": 2}).structural_core()
+    core.step(0.0, 1.0)  # in still air, under its weight
+    assert core.get("symmetry_used")
+
+
+def test_a_pivot_beside_the_plane_of_symmetry_stays_beside_it_in_a_turned_kite(tmp_path):
+    folder = turned_copy("v3_kite", tmp_path, 30.0).folder
+    text = (folder / "scene.toml").read_text().replace("pivot = 0", "pivot = 1")
+    (folder / "scene.toml").write_text(text)
+    drawn = scenes.load("v3_kite").interface.nodes
+    turned = scenes.load(folder)
+    assert np.abs(turned.heading.home(turned.interface.nodes)[:, 1] - drawn[:, 1]).max() <= 1e-12
+
+
+@pytest.mark.parametrize(("wind", "says"), [((0.0, 0.0, 2.0), "straight up"), ((0.0, 0.0, -1.0), "straight down")])
+def test_an_upright_wind_is_refused_for_what_it_is(wind, says):
+    with pytest.raises(scenes.SceneError, match=says):
+        scenes.load("v3_kite").with_trim({"wind_direction": wind})
+
+
+def test_wind_along_the_span_of_a_kite_is_refused_where_it_does_not_turn():
+    core = scenes.load("v3_kite").aero_core()
+    core.set("wind_direction", (0.0, 1.0, 0.0))
+    with pytest.raises(StepFailed, match=r"along the span of the wing; turn the kite to it \(start_azimuth\)"):
+        core.step(0.0, 1.0)
 
 
 @pytest.mark.parametrize("degrees", [20.0, 160.0])

@@ -54,8 +54,8 @@ def test_weight_at_the_end_of_a_line_hangs_below_its_support_and_stretches_it(tm
     """N = m g in the lower line and (m + m') g in the upper one, each longer by N l0 / EA."""
     core = _settled(_scene(tmp_path, AT_REST, masses="middle,1\nend,5\n"))
     force = GRAVITY * np.array([6.0, 5.0])
-    # the start of a motion is an equilibrium to 1e-4 N, of forces of 50 N across lines that hang straight
-    np.testing.assert_allclose(core.get("tension"), force, rtol=1e-5)
+    # the start of a motion is an equilibrium to 1e-6 N, of forces of 50 N
+    np.testing.assert_allclose(core.get("tension"), force, rtol=1e-7)
     depth = -np.cumsum(5.0 * (1.0 + force / EA))
     np.testing.assert_allclose(core.get("position")[1:, 2], depth, rtol=1e-8)
 
@@ -68,15 +68,15 @@ def test_load_at_the_end_of_a_line_draws_it_straight_against_its_weight(tmp_path
     tension = np.linalg.norm(force, axis=1)
     legs = np.diff(core.get("position"), axis=0)
     # as above, of 500 N
-    np.testing.assert_allclose(core.get("tension"), tension, rtol=1e-6)
+    np.testing.assert_allclose(core.get("tension"), tension, rtol=1e-7)
     np.testing.assert_allclose(legs / np.linalg.norm(legs, axis=1)[:, None], force / tension[:, None], atol=1e-6)
 
 
 def test_rope_over_a_sheave_carries_the_weight_at_its_free_end_in_both_legs(tmp_path):
     nodes, rope = "top,0,0,5,xyz\nsheave,1,0,5,xyz\nend,1,0,4.5,\n", f"rope,top sheave end,3,{DIAMETER}\n"
     core = _settled(_scene(tmp_path, AT_REST, masses="end,5\n", nodes=nodes, lines=rope))
-    # the rope's elongation m g l0 / EA all shows below the sheave; equilibrium to 1e-4 N as above
-    np.testing.assert_allclose(core.get("tension"), 5.0 * GRAVITY, rtol=1e-5)
+    # the rope's elongation m g l0 / EA all shows below the sheave; equilibrium to 1e-6 N as above
+    np.testing.assert_allclose(core.get("tension"), 5.0 * GRAVITY, rtol=1e-7)
     assert core.get("position")[2, 2] == pytest.approx(5.0 - 2.0 - 3.0 * 5.0 * GRAVITY / EA, abs=1e-8)
 
 
