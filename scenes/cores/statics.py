@@ -76,9 +76,10 @@ class Statics(Solver):
                 break
         else:
             moved = np.linalg.norm(found.x - state.x, axis=1)
+            more = "" if model.membranes is None else " and 1e-9 of the loads"
             raise StepFailed(
                 f"static equilibrium not found in {spent} Newton iterations ({found.status}): "
-                f"{found.residual:.3g} N out of balance, {tolerance:.3g} N asked for; node "
+                f"{found.residual:.3g} N out of balance, {tolerance:.3g} N{more} asked for; node "
                 f"{model.members.labels[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
             )
         shape = Shape(found.x, found.rotations)

@@ -39,4 +39,4 @@ def start(scene):
 
 def gust(displacement):
     """Pressure on all panels of a wing without a flow, which does not settle with its displacement (a list)."""
-    return 5.0 + 1e3 * abs(displacement[2]) % 10.0
+    return 5.0 + 1e6 * abs(displacement[2]) % 10.0
