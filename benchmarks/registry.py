@@ -23,6 +23,7 @@ SUBJECTS = (
     "typical_section",
     "saddle",
     "beams",
+    "membranes",
     "v3_detailed",
     "hanging",
     "exchange",

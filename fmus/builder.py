@@ -41,6 +41,11 @@ from scenes import Scene
 
 NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
 OWN_METHODS = ("vortex-step",)  # methods for the flow whose needs are known
+# What only scenes with membranes load, beginnings of paths.
+MEMBRANES = (
+    *("structural/elements/membrane", "structural/materials/membranes", "structural/solve/energy"),
+    *("structural/loads/curved_faces", "structural/triangles", "scenes/cores/membranes"),
+)
 LINUX = {2: "linux64", 3: "x86_64-linux"}  # version of FMI -> what it calls the platform
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry
 LOADED: tuple[str, dict[str, bytes]] = ("", {})  # private name of this process's own code, and module -> content
@@ -149,7 +154,8 @@ def _other_side(scene: Scene, side: str) -> tuple[str, ...]:
         return ("structural/", *(f"scenes/cores/{name}" for name in cores))
     flow = "aero/vortex_step/", "scenes/cores/flow"
     motion = "structural/dynamics/", "scenes/cores/transient"
-    return ("structural/solve/pardiso", *flow, *(("scenes/cores/statics",) if scene.transient else motion))
+    solved = ("scenes/cores/statics",) if scene.transient else motion
+    return ("structural/solve/pardiso", *flow, *solved, *(() if scene.members.membranes else MEMBRANES))
 
 
 def archive(

@@ -31,8 +31,15 @@ def canonical_chains(nodes):
 
 
 def canonical_faces(nodes):
-    """Face nodes (p,m) in rising order, so that a face may begin at any corner and run either way round."""
-    return np.sort(nodes, axis=1)
+    """Face nodes (p,m) in rising order, so that a face may begin at any corner, run either way round and, where it is a
+    triangle, repeat any corner.
+    """
+    rising = np.sort(nodes, axis=1)
+    repeated = rising[:, 1:] == rising[:, :-1]
+    if not repeated.any():
+        return rising
+    last = np.where(repeated, rising[:, -1:], rising[:, 1:])
+    return np.sort(np.concatenate([rising[:, :1], last], axis=1), axis=1)
 
 
 def mirror_rows(nodes, mirror, canonical=canonical_chains):

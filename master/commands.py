@@ -24,6 +24,7 @@ from master.coupling.start import with_start
 from master.report import (
     LABELS,
     RESULTS,
+    membrane_results,
     missing_libraries,
     print_table,
     print_written,
@@ -140,6 +141,9 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     wing = wing_results(scene.members, run.blocks["structural"])
     if wing is not None:
         content["wing"] = wing
+    membranes = membrane_results(scene.members, run.blocks["structural"])
+    if membranes is not None:
+        content["membranes"] = membranes
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = set_up
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
@@ -147,7 +151,11 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
         blocks["displacement"] = run.blocks["structural"]["displacement"]
     write_history(out / "history.csv", run.result.history)
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
-    written = ["summary.json", "history.csv", *write_state(out, blocks, labels, scene.interface, scene.members.wing)]
+    written = [
+        "summary.json",
+        "history.csv",
+        *write_state(out, blocks, labels, scene.interface, scene.members.wing, scene.members),
+    ]
     write_json(out / "summary.json", content)
     print_table(scene, run, content)
     lacking = missing_libraries() if choices["report"] else ""

@@ -32,6 +32,8 @@ def free_line_ends(members):
             if members.area[e] > 0.0:
                 ends |= {nodes[0]: e, nodes[-1]: e}
         first += len(group)
+    if members.membranes is not None:
+        np.add.at(joined, members.membranes.group.nodes, 1)
     if members.wing is not None:
         joined[members.wing.tubes.ends] += 1
         joined[members.wing.dependent_nodes] += 1
@@ -43,7 +45,7 @@ def bare_line_ends(members, loads, density):
     of lines, as texts: hanging ropes, or lines that were to be joined to something.
     """
     loaded = {int(n) for load in loads for n in load.nodes}
-    length = np.concatenate([group.l0 for group in members.chains])
+    length = np.concatenate([np.zeros(0), *(group.l0 for group in members.chains)])
     found = []
     for e, n in free_line_ends(members):
         own = 0.5 * density * members.area[e] * length[e]

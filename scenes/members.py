@@ -9,6 +9,10 @@ from .schema import SceneError
 
 if TYPE_CHECKING:
     from structural import BendingSprings, Chains
+    from structural.elements.membranes import Membranes
+
+
+_NO_LEGS, _NONE = np.zeros((0, 2), dtype=int), np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +52,46 @@ class WingMesh:
 
 
 @dataclass(frozen=True, eq=False)
+class MembraneSupport:
+    """A group of `nodes` (k,) of membranes that is held in the directions `held` (3,)."""
+
+    name: str
+    nodes: np.ndarray
+    held: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class MembranePressure:
+    """A follower pressure on `faces` (p,3|6) of nodes that a scene offers as parameter `name`, `start` Pa at first;
+    `encloses` says that the faces close a volume, perhaps with planes of symmetry through the origin.
+    """
+
+    name: str
+    start: float
+    faces: np.ndarray
+    encloses: bool
+
+
+@dataclass(frozen=True, eq=False)
+class MembraneMesh:
+    """The membranes of a scene and what [membranes] says of them.
+
+    `group` the elements, whose `fabric` (e,) is one of the `fabrics`; `supports`, `pressures`; `seams` name of a group
+    of lines -> sides (k,2) of triangles; `cables` names of the chains along lines; `remarks` what was changed when the
+    mesh was read.
+    """
+
+    group: "Membranes"
+    fabrics: tuple[str, ...]
+    fabric: np.ndarray
+    supports: tuple[MembraneSupport, ...]
+    pressures: tuple[MembranePressure, ...]
+    seams: dict[str, np.ndarray]
+    cables: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Members:
     """Nodes and elements of a scene.
 
@@ -55,7 +99,7 @@ class Members:
     elements in the order of the groups, of those whose stiffness follows a modulus, 0 where it is given; `mass` (n,)
     kg is what the elements and point masses bring, `wing_mass` (n,) kg the part that springs and canopy bring. `wing`
     is the mesh of an inflatable wing where the scene has tubes: beams, canopy grid and rigid links. `bending` are
-    springs that resist the bending of canopy quads.
+    springs that resist the bending of canopy quads, `membranes` those on a mesh of triangles.
     """
 
     nodes: np.ndarray
@@ -67,6 +111,7 @@ class Members:
     wing_mass: np.ndarray
     wing: WingMesh | None = None
     bending: "tuple[BendingSprings, ...]" = ()
+    membranes: MembraneMesh | None = None
 
     def meshed(self) -> "Members":
         """Without what only the mesher of an inflatable wing and reports know."""
@@ -102,7 +147,14 @@ class Members:
             pairs = np.stack([ropes[:, :-1], ropes[:, 1:]], axis=2)
             legs.append(pairs.reshape(-1, 2))
             diameter.append(np.repeat(np.sqrt(4.0 / np.pi * area[area > 0.0]), pairs.shape[1]))
-        return np.concatenate(legs), np.concatenate(diameter)
+        return np.concatenate([_NO_LEGS, *legs]), np.concatenate([_NONE, *diameter])
+
+    @property
+    def lines(self) -> np.ndarray:
+        """Which elements are lines and ropes of the table, or cables of membranes, (e,) bool: not springs or fabric."""
+        if self.membranes is None or not self.membranes.cables:
+            return np.asarray(self.area > 0.0)
+        return (self.area > 0.0) | np.isin(self.names, self.membranes.cables)
 
     @property
     def leg_names(self) -> tuple[str, ...]:

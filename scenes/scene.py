@@ -256,12 +256,15 @@ class Scene:
         """What is worth a line of its tables in every run."""
         from .checks import bare_line_ends
 
+        membranes = self.members.membranes
+        notes = [] if membranes is None else list(membranes.remarks)
         bare = bare_line_ends(self.members, self.point_loads, self.structure.line_density / self.choices.scale)
         if not bare:
-            return []
+            return notes
         more = f" and {len(bare) - 6} more" if len(bare) > 6 else ""
         return [
-            f"lines that end free, where nothing but their own weight and the wind pulls: {', '.join(bare[:6])}{more}"
+            *notes,
+            f"lines that end free, where nothing but their own weight and the wind pulls: {', '.join(bare[:6])}{more}",
         ]
 
     def hints(self, parameters: Mapping[str, Any] | None = None) -> tuple[list[str], str]:

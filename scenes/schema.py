@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from interface.line_drag import FRICTION, NORMAL_DRAG
 
+SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled")
 INTEGRATION = ("implicit-euler", "generalised-alpha", "bdf2")
 
 
@@ -49,6 +50,19 @@ class Number:
         if not math.isfinite(number) or not self.low <= number <= self.high or number <= self.above:
             raise Wrong(self.meaning)
         return number
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A whole number from `low` to `high`."""
+
+    low: int
+    high: int
+
+    def __call__(self, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not self.low <= value <= self.high:
+            raise Wrong(f"a whole number from {self.low} to {self.high}")
+        return value
 
 
 @dataclass(frozen=True)
@@ -128,6 +142,56 @@ def named_numbers(value: Any) -> dict[str, float]:
         raise Wrong("a table of names, each with a finite number") from None
 
 
+def a_text(value: Any) -> str:
+    """A text that is not empty."""
+    if not isinstance(value, str) or not value:
+        raise Wrong("a text")
+    return value
+
+
+def a_share(value: Any) -> float:
+    """A number above -1 and below 1, Poisson's ratio of what is alike in all directions."""
+    meaning = "a number between -1 and 1, both excluded"
+    try:
+        number = Number(above=-1.0)(value)
+    except Wrong:
+        raise Wrong(meaning) from None
+    if number >= 1.0:
+        raise Wrong(meaning)
+    return number
+
+
+def texts(value: Any) -> tuple[str, ...]:
+    """One text or a list of some."""
+    found = [value] if isinstance(value, str) else value
+    if not isinstance(found, list) or not found or not all(isinstance(t, str) and t for t in found):
+        raise Wrong("a name or a list of names")
+    return tuple(found)
+
+
+def named_directions(value: Any) -> dict[str, str]:
+    """Name -> directions that are held."""
+    meaning = 'a table of group names, each with the directions that are held, as "xyz" or "z"'
+    if not isinstance(value, dict):
+        raise Wrong(meaning)
+    for name, axes in value.items():
+        if not isinstance(axes, str) or not axes or set(axes) - set("xyz") or len(set(axes)) < len(axes):
+            raise Wrong(f"{meaning} ({name} has {axes!r})")
+    return dict(value)
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Tables by name, each of them filled into a dataclass `kind` as sections are."""
+
+    kind: type
+
+    def __call__(self, value: Any) -> dict[str, Any]:
+        if not isinstance(value, dict) or not all(isinstance(table, dict) for table in value.values()):
+            raise Wrong("tables with names of their own")
+        return value
+
+
 Finite = Annotated[float, Number()]
 Positive = Annotated[float, Number(above=0.0)]
 NotNegative = Annotated[float, Number(low=0.0)]
@@ -135,22 +199,26 @@ File = Annotated[str, a_file]
 Node = Annotated[str, a_node]
 Flag = Annotated[bool, a_flag]
 Lines = Annotated[dict[str, tuple[str, ...]], lists_of_lines]
+Texts = Annotated[tuple[str, ...], texts]
+Numbers = Annotated[dict[str, float], named_numbers]
+Percent = Annotated[float, Number(low=-50.0, high=50.0)]
 
 
 @dataclass(frozen=True)
 class StructureInput:
     """[structure]: tables of nodes and elements, and what all of them share.
 
-    Tables are `nodes`, `springs`, `canopy` quads, `lines`, point `masses`; `ribs`, `tubes` and `attachments` of an
-    inflatable wing; `loads` on nodes. `line_modulus` Pa and `line_density` kg/m^3 of lines; `gravity` m/s^2 towards -z;
-    `symmetric`: solve one half; `pivot` the node that the structure pitches about, `hold` that at which roll and yaw
-    can be held. Of an inflatable wing: `tube_pressure` Pa above that of the air, `tube_stiffness` and
-    `tube_shear_stiffness` N/m of the fabric of tubes, `wing_mass` kg, `canopy_stiffness` and `canopy_shear_stiffness`
-    N/m, `canopy_density` kg/m^2, `canopy_bending_stiffness` N m. `tapes` and `reels` are parameters with the lines that
-    they lengthen, `load_values` the start values N of the parameters in the table `loads`.
+    Tables are `nodes` (which a scene of membranes alone does without), `springs`, `canopy` quads, `lines`, point
+    `masses`; `ribs`, `tubes` and `attachments` of an inflatable wing; `loads` on nodes. `line_modulus` Pa and
+    `line_density` kg/m^3 of lines; `gravity` m/s^2 towards -z; `symmetric`: solve one half; `pivot` the node that the
+    structure pitches about, `hold` that at which roll and yaw can be held. Of an inflatable wing: `tube_pressure` Pa
+    above that of the air, `tube_stiffness` and `tube_shear_stiffness` N/m of the fabric of tubes, `wing_mass` kg,
+    `canopy_stiffness` and `canopy_shear_stiffness` N/m, `canopy_density` kg/m^2, `canopy_bending_stiffness` N m.
+    `tapes` and `reels` are parameters with the lines that they lengthen, `load_values` the start values N of the
+    parameters in the table `loads`.
     """
 
-    nodes: File
+    nodes: File | None = None
     springs: File | None = None
     canopy: File | None = None
     lines: File | None = None
@@ -173,7 +241,7 @@ class StructureInput:
     canopy_shear_stiffness: Positive | None = None
     canopy_density: NotNegative = 0.0
     loads: File | None = None
-    load_values: Annotated[dict[str, float], named_numbers] = field(default_factory=dict)
+    load_values: Numbers = field(default_factory=dict)
     tapes: Lines = field(default_factory=dict)
     reels: Lines = field(default_factory=dict)
 
@@ -237,8 +305,97 @@ class DynamicsInput:
     gust_interval: NotNegative = 0.0
 
 
+@dataclass(frozen=True)
+class FabricInput:
+    """[membranes.fabrics.NAME]: what the membranes of some `parts` (groups of triangles; none: all) are made of.
+
+    Alike in all directions: `stiffness` E h N/m, or `modulus` Pa and `thickness` m, and `poisson`. Else
+    `stiffness_warp`, `stiffness_weft` and `shear_stiffness` N/m, `poisson_warp` (contraction along the weft over
+    stretch along the warp), and `warp_direction` (3,), whose trace on a triangle is its warp. `density` kg/m^2;
+    `strength` N/m, up to which the larger principal force per length is borne; `shortening_along` and
+    `shortening_across` the warp, per cent by which the cut is shorter than the mesh.
+    """
+
+    parts: Texts | None = None
+    stiffness: Positive | None = None
+    modulus: Positive | None = None
+    thickness: Positive | None = None
+    poisson: Annotated[float, a_share] | None = None
+    stiffness_warp: Positive | None = None
+    stiffness_weft: Positive | None = None
+    shear_stiffness: Positive | None = None
+    poisson_warp: Finite | None = None
+    warp_direction: Annotated[tuple[float, ...], a_direction] | None = None
+    density: NotNegative = 0.0
+    strength: Positive | None = None
+    shortening_along: Percent = 0.0
+    shortening_across: Percent = 0.0
+
+
+@dataclass(frozen=True)
+class PressureInput:
+    """[membranes.pressures.NAME]: a pressure that follows the membranes, a parameter.
+
+    `value` Pa along the normals at first, on `parts` (groups of triangles; none: all); `closed`: that they close a
+    volume is required.
+    """
+
+    value: Finite = 0.0
+    parts: Texts | None = None
+    closed: Flag = False
+
+
+@dataclass(frozen=True)
+class CableInput:
+    """[membranes.cables.NAME]: cables along the lines of a `group`, NAME where it is not given.
+
+    `axial_stiffness` EA N, `mass_per_length` kg/m, and `shortening`, per cent by which they are cut shorter than the
+    lines are.
+    """
+
+    axial_stiffness: Positive = field(kw_only=True)
+    group: Texts | None = None
+    mass_per_length: NotNegative = 0.0
+    shortening: Percent = 0.0
+
+
+@dataclass(frozen=True)
+class MembranesInput:
+    """[membranes]: membranes on a mesh of triangles.
+
+    The mesh is a file `mesh`, with `unit` of its lengths (none: m), the cell data `groups` that say what groups its
+    elements are in (none: those of its format), `drop_loose_nodes` and `parts_may_be_apart`; or it is made: a `shape`
+    of sizes `size`, the `share` of it ("whole", ...), how quads are cut by `diagonals`, ends of a cylinder with `caps`,
+    and the table `profiles` of a ruled surface. `order` 1 or 2 of the triangles. `patterns` is a table of triangles
+    whose sides are cut in other lengths. `wrinkling`: folds instead of compression. `tie` m: nodes of the mesh this
+    near to one of the table of nodes are that node. `fabrics`, `pressures` and `cables` are tables by name, `supports`
+    groups with the directions that are held.
+    """
+
+    mesh: File | None = None
+    unit: Annotated[str, OneOf(("m", "cm", "mm", "ft", "in"))] | None = None
+    groups: Annotated[str, a_text] | None = None
+    drop_loose_nodes: Flag = False
+    parts_may_be_apart: Flag = False
+    shape: Annotated[str, OneOf(SHAPES)] | None = None
+    size: Numbers = field(default_factory=dict)
+    share: Annotated[str, OneOf(("whole", "half", "quarter", "eighth", "upper"))] = "whole"
+    diagonals: Annotated[str, OneOf(("crossed", "union-jack", "one-way", "shorter"))] = "crossed"
+    caps: Flag = True
+    profiles: File | None = None
+    order: Annotated[int, Whole(1, 2)] = 1
+    patterns: File | None = None
+    wrinkling: Flag = True
+    tie: NotNegative = 1e-6
+    fabrics: Annotated[dict[str, FabricInput], Tables(FabricInput)] = field(default_factory=dict)
+    supports: Annotated[dict[str, str], named_directions] = field(default_factory=dict)
+    pressures: Annotated[dict[str, PressureInput], Tables(PressureInput)] = field(default_factory=dict)
+    cables: Annotated[dict[str, CableInput], Tables(CableInput)] = field(default_factory=dict)
+
+
 SECTIONS = {
     "structure": StructureInput,
+    "membranes": MembranesInput,
     "wing": WingInput,
     "aero": AeroInput,
     "trim": TrimInput,
@@ -254,7 +411,9 @@ class Choices:
     strips between two struts; `variant` of scene.toml; `canopy_stations` cells along every chord and
     `canopy_subdivisions` between two ribs; `tube_law` of the bending of tubes; `camber_feedback` "on" or "off";
     `scale` of all lengths; `integration` the time integration scheme, None as [dynamics] says; `line_area` of lines in
-    the wind: "inclined" or "projected".
+    the wind: "inclined" or "projected". Of membranes: `cells` of a mesh that is made (0: as [membranes.size] says, in
+    the proportions that are said there), `order` of its triangles (0: as [membranes] says), `wrinkling` "on" or "off"
+    (None: likewise).
     """
 
     chord: str = "structural"
@@ -268,6 +427,9 @@ class Choices:
     scale: float = 1.0
     integration: str | None = None
     line_area: str = "inclined"
+    cells: int = 0
+    order: int = 0
+    wrinkling: str | None = None
 
 
 @dataclass(frozen=True)

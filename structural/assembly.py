@@ -292,8 +292,14 @@ class Assembly:
 
     def load_forces(self, x, loads, rotations=None):
         """Generalised forces (q,) N of the loads alone at node positions x (n,3) m: linear in loads that are."""
-        at = Configuration(x, self.start(rotations))
-        external = self.external(at, Prepared((), *self._seen(loads)))
+        return self._linked(Configuration(x, self.start(rotations)), Prepared((), *self._seen(loads)))
+
+    def external_forces(self, q, rotations, prepared):
+        """Generalised external forces (q,) N at the unknowns q."""
+        return self._linked(self.configuration(q, rotations), prepared)
+
+    def _linked(self, at, prepared):
+        external = self.external(at, prepared)
         if self._links is None:
             return external
         return self._links.forces(external, self._links.factors(at.rotations)[0])
@@ -355,6 +361,20 @@ class Assembly:
                 if by_v is not None:
                     rates = -elements.data(by_v) if rates is None else rates - elements.data(by_v)
         return internal, external, data, rates
+
+    def smoothing(self, prepared, rotations=None):
+        """Data of the matrix (q,q) N/m that smooths steps of elements that wrinkle, to be filled in by `matrix`; None
+        without such elements.
+        """
+        parts = [(place, part.smoothing()) for place, part in zip(self._elements, prepared.groups, strict=True)]
+        data = [place.stiffness(tangents) for place, tangents in parts if tangents is not None]
+        if not data:
+            return None
+        if self._links is None:
+            return sum(data)
+        factors, rho = self._links.factors(self.start(rotations))
+        still = np.zeros(self._unreduced.count)
+        return self._links.stiffness(self._reduced, len(self._empty.indices), sum(data), still, factors, rho)
 
     def node_blocks(self, blocks):
         """Data of the matrix (q,q) with a block (n,3,3) on every node, to be filled in by `matrix`; no rigid links."""

@@ -17,6 +17,7 @@ from fmus.documentation.picture import drawing
 from fmus.documentation.reference import INTERFACE, LOADS, RELATIVE, STEPS
 from interface import Variable
 from scenes import Scene
+from scenes.members import Members, MembraneMesh
 
 HOST_PACKAGES = ("numpy", "scipy")  # what an FMU imports and does not carry
 Rows = Iterable[Sequence[Any]]
@@ -116,6 +117,7 @@ def _parameter(instance: CoreFmu, variable: Variable) -> list[Any]:
 def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
     """What the scene is, which of it the FMU holds, a drawing, and the settings."""
     of_structure = texts.OF_STRUCTURE + ("" if scene.members.wing is None else texts.OF_TUBES)
+    of_structure += "" if scene.members.membranes is None else texts.OF_MEMBRANES
     physics = _structure(scene) if side == "structural" else _flow(scene)
     settings = ", ".join(f"<code>{html.escape(f'{key} = {value}')}</code>" for key, value in scene.settings.items())
     return texts.MODEL.format(
@@ -138,7 +140,7 @@ def _arrow(instance: CoreFmu) -> tuple[str, np.ndarray] | None:
 
 def _structure(scene: Scene) -> str:
     members = scene.members
-    two_way = np.concatenate([group.two_way for group in members.chains])
+    two_way, membranes = _two_way(members), members.membranes
     over = [group.nodes.shape[1] > 2 for group in members.chains for _ in group.nodes]
     counts = {
         "nodes": len(members.nodes),
@@ -146,11 +148,20 @@ def _structure(scene: Scene) -> str:
         "tension-only lines": int(np.count_nonzero(~two_way & ~np.array(over, dtype=bool))),
         "ropes over pulleys": int(np.count_nonzero(over)),
         "parts of inflatable tubes": 0 if members.wing is None else len(members.wing.tubes.ends),
+        "triangles of membranes": 0 if membranes is None else len(membranes.group),
     }
     listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
     lines = "lines take tension only, and " if np.any(~two_way) else ""
     text = texts.TRANSIENT_STRUCTURE if scene.transient else texts.STRUCTURE
-    return text.format(counts=listed, weight=" and the weight", lines=lines)
+    text = text.format(counts=listed, weight=" and the weight", lines=lines)
+    if membranes is None:
+        return text
+    return text + (texts.WRINKLING if membranes.group.law.wrinkles else texts.STIFF_MEMBRANES)
+
+
+def _two_way(members: Members) -> np.ndarray:
+    """Which elements push as well as pull, (e,) bool."""
+    return np.concatenate([np.zeros(0, dtype=bool), *(group.two_way for group in members.chains)])
 
 
 def _flow(scene: Scene) -> str:
@@ -209,8 +220,7 @@ def _countable(scene: Scene) -> Iterable[tuple[str, str, str, Sequence[Any]]]:
             yield kind, texts.OF_MODEL.get(kind, f"{kind.capitalize()}s: index i of {{indexed}}"), header, rows
     chains = [nodes for group in m.chains for nodes in group.nodes]
     paths = [" – ".join(m.labels[n] for n in chain) for chain in chains]
-    two_way = np.concatenate([group.two_way for group in m.chains])
-    kinds = np.where(two_way, "spring", "tension only")
+    kinds = np.where(_two_way(m), "spring", "tension only")
     title = "Elements: index i of {indexed}; with their structural nodes, by name"
     yield "element", title, "name kind nodes", [*zip(m.names, kinds, paths, strict=True)]
     if m.wing is not None:
@@ -218,8 +228,27 @@ def _countable(scene: Scene) -> Iterable[tuple[str, str, str, Sequence[Any]]]:
         ends = (" – ".join(m.labels[n] for n in pair) for pair in tubes.ends)
         title = "Parts of tubes: index i of {indexed}; with their structural nodes, by name"
         yield "tube", title, "name diameter nodes", [*zip(tubes.names, 2.0 * tubes.radius, ends, strict=True)]
+    if m.membranes is not None:
+        yield from _of_membranes(m.membranes, m.labels)
     nodes = [(label, *place) for label, place in zip(m.labels, m.nodes, strict=True)]
     yield "structural node", "Structural nodes: index i of {indexed}", "name x y z", nodes
+
+
+def _of_membranes(mesh: MembraneMesh, labels: Sequence[str]) -> Iterable[tuple[str, str, str, Sequence[Any]]]:
+    """As `_countable`, of what membranes have."""
+
+    def path(nodes: Iterable[int]) -> str:
+        return " – ".join(labels[n] for n in nodes)
+
+    title = "Membrane elements: index i of {indexed}; with their structural nodes, by name"
+    elements = zip(mesh.group.names, mesh.fabric, mesh.group.nodes.tolist(), strict=True)
+    yield "membrane element", title, "name fabric nodes", [(n, mesh.fabrics[k], path(at)) for n, k, at in elements]
+    title = "Groups of supports: index i of {indexed}"
+    axes = (", ".join(a for a, held in zip("xyz", s.held, strict=True) if held) for s in mesh.supports)
+    supports = [(s.name, held, len(s.nodes)) for s, held in zip(mesh.supports, axes, strict=True)]
+    yield "support", title, "group held nodes", supports
+    title = "Sides of seams: index i of {indexed}; with their structural nodes, by name"
+    yield "side of a seam", title, "seam nodes", [(n, path(at)) for n, sides in mesh.seams.items() for at in sides]
 
 
 def _numbered(rows: Iterable[Iterable[Any]]) -> Rows:

@@ -80,6 +80,8 @@ def _strokes(scene: Scene, side: str) -> list[tuple[str, float, np.ndarray]]:
         for nodes, two_way, name in zip(group.nodes, group.two_way, group.names, strict=True):
             if name not in canopy:
                 kinds["k" if two_way else "l"].append(np.stack([nodes[:-1], nodes[1:]], axis=-1))
+    if members.membranes is not None:
+        kinds["l"] += list(members.membranes.seams.values())
     strokes = [(kind, 0.0, members.nodes[_once(np.concatenate(legs))]) for kind, legs in kinds.items() if legs]
     if members.wing is not None:
         tubes = members.wing.tubes
@@ -159,6 +161,9 @@ def _lines(scene: Scene) -> np.ndarray:
     legs = [np.stack([group.nodes[:, :-1], group.nodes[:, 1:]], axis=-1).reshape(-1, 2) for group in members.chains]
     if members.wing is not None:
         legs.append(members.wing.tubes.ends)
+    if members.membranes is not None:
+        corners = members.membranes.group.nodes[:, [0, 1, 2, 0]]
+        legs += list(members.membranes.seams.values()) or [corners[:, k : k + 2] for k in range(3)]
     ends = np.concatenate(legs)
     return np.asarray(nodes[_once(ends)])
 
@@ -170,7 +175,7 @@ def icon(scene: Scene | None, side: str) -> bytes:
     strokes: list[tuple[np.ndarray, float]] = []
     bold = 1.7
     if scene is not None:
-        axes = np.array([VIEWS[1][1], VIEWS[1][2]])
+        axes = np.array(VIEWS[1 if scene.members.membranes is None else 0][1:])
         edge = scene.interface.nodes[scene.interface.sections[:, 0]] @ axes.T
         if side == "structural" or not len(edge):
             lines = _lines(scene) @ axes.T

@@ -80,10 +80,14 @@ suction side and green on the other; {shown}.</figcaption></figure>
 
 OF_STRUCTURE = """lines grey, springs dark blue"""
 OF_TUBES = """; tubes as thick as they are, the mesh inside the canopy left out"""
+OF_MEMBRANES = """; seams of membranes grey"""
 OF_FLOW = """exposed lines, where there are any, grey"""
 
 STRUCTURE = """This FMU is its structure: {counts}. Each step finds the static equilibrium under the loads on the
 interface{weight}; {lines}pressure follows the deformed surface. The scene is quasi-static: nothing has inertia."""
+WRINKLING = """ Membranes wrinkle and go slack instead of carrying compression: their stress is that of the relaxed
+energy (tension field)."""
+STIFF_MEMBRANES = """ Membranes resist compression as they do tension here."""
 TRANSIENT_STRUCTURE = """This FMU is its structure: {counts}, with masses on the nodes and dampers in the elements. The
 scene is transient: each step integrates the motion over the communication step under the loads on the
 interface{weight}; {lines}pressure follows the deformed surface. While <code>loads_vary</code> is true loads go linearly
@@ -177,7 +181,7 @@ structure itself.</p>
 """
 ALONE = """<h2>Without a flow</h2>
 <p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
-equilibrium under gravity, the point loads among the parameters, and what was set.</p>
+equilibrium under gravity, the pressures and point loads among the parameters, and what was set.</p>
 """
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
 pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from master.report.console import print_table, print_written
+from master.report.membranes import membrane_results
 from master.report.state import final_state, status_text
 from master.report.tables import result_rows, summary, versions, write_history, write_json, write_state, write_whole
 from master.report.views import wind_of
@@ -23,6 +24,7 @@ __all__ = [
     "LABELS",
     "RESULTS",
     "final_state",
+    "membrane_results",
     "missing_libraries",
     "print_table",
     "print_written",
@@ -41,7 +43,7 @@ LABELS = ("nodes", "lines", "both")  # what may be named in a plot
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
 TABLES = (
     *("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv"),
-    *("tubes.csv", "sections.csv"),
+    *("tubes.csv", "sections.csv", "membranes.csv", "seams.csv"),
 )
 ANGLE = (
     "Effective angle: chord to the local flow with induced velocity, hence closer to zero lift than the angle to the "
@@ -52,13 +54,15 @@ CAPTIONS = {
     "labels": "Names of nodes and lines of the bridle as flown, on a large page: open labels.svg to read them",
     "billowing": "Billowing of the canopy: sections between the struts and, thin and grey, at the struts, each along "
     "its own chord, and camber, the largest distance of a section from its chord, along the span",
+    "membranes": "Membranes as deformed, in parallel projection: larger principal stress in force per present length, "
+    "and where they are taut, wrinkled (strokes along the tension) and slack",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
     "strips": f"Loads, effective angle of attack and circulation along the span. {ANGLE}",
     "polars": "Operating points of the strips on their section polars, coloured by distance from mid-span; left and "
     f"right half of a diamond coincide where the kite is symmetric. {ANGLE}",
 }
 AT_REST = "Shape at rest in still air with line tensions, three views to one scale"
-MESHES = ("wing.vtu", "structure.vtu", "lines.vtu")
+MESHES = ("wing.vtu", "structure.vtu", "lines.vtu", "membranes.vtu")
 PAGE = "report.html"
 REPORT = (*(f"{name}.{kind}" for name in CAPTIONS for kind in ("png", "svg")), *MESHES, PAGE)
 RESULTS = (*TABLES, *REPORT)  # all files that a run may write
@@ -88,7 +92,7 @@ def write_report(
     sentence = missing_libraries()
     if sentence:
         raise ModuleNotFoundError(sentence)
-    from master.report import billowing, figures, shape, vtk
+    from master.report import billowing, figures, membranes, shape, vtk
     from master.report.convergence import convergence_figure
     from master.report.page import page
     from master.report.sections import wing_sections
@@ -111,6 +115,9 @@ def write_report(
     sections = wing_sections(scene.members.wing, None if state.frame is None else state.frame.position)
     if sections is not None:
         drawn["billowing"] = billowing.billowing_figure(sections, f"{title}, {status}")
+    skin = membranes.membrane_state(scene.members, run.blocks["structural"])
+    if skin is not None and np.all(np.isfinite(skin.position)):
+        drawn["membranes"] = membranes.membrane_figure(skin, f"{title}, {status}", run.status)
     drawn["convergence"] = convergence_figure(
         run.result.history,
         f"{title}, {status}",
@@ -125,6 +132,8 @@ def write_report(
     images = {name: figures.rendered(figure) for name, figure in drawn.items()}
     content_of: dict[str, str | bytes] = {f"{n}.{kind}": data for n, i in images.items() for kind, data in i.items()}
     content_of["wing.vtu"] = vtk.wing_file(state.surface)
+    if skin is not None:
+        content_of["membranes.vtu"] = vtk.membranes_file(skin)
     if state.frame is not None:
         content_of["structure.vtu"] = vtk.structure_file(state.frame)
     if len(state.surface.lines):

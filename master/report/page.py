@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.membranes import SLACK, WRINKLED, membrane_state, seam_forces
 from master.report.panels import FIELDS, PanelLoads
 from master.report.state import FinalState, Frame, status_text
 from master.report.tables import result_rows
@@ -61,6 +62,7 @@ def page(
         _validity(run),
         _outputs(content, variables),
         *_structure(state.frame),
+        *membrane_tables(scene.members, run.blocks["structural"]),
         _strips(state),
         *([_panels(state.surface.loads)] if scene.has_flow and len(state.surface.panels) else []),
         _history(run),
@@ -238,6 +240,36 @@ def _tubes(tubes: TubeState | None) -> Table:
         rows.append([name, len(own), tubes.radius[own].mean(), tubes.load[i], tubes.names[i], strain, fallen])
     marked = [k for k, name in enumerate(order) if tubes.collapsed[of == name].any()]
     return _table("Tubes (largest values of their parts; all parts: tubes.csv)", header, rows, marked)
+
+
+def membrane_tables(members: Any, blocks: dict[str, np.ndarray]) -> list[Table]:
+    """Tables of fabrics, supports and seams of membranes, none where there are none."""
+    found = membrane_state(members, blocks)
+    if found is None:
+        return []
+    fabrics = []
+    for name in dict.fromkeys(found.fabric):
+        rows = np.flatnonzero(np.array(found.fabric) == name)
+        most = rows[np.argmax(np.round(found.cauchy_1[rows], TIE))]
+        shares = [100.0 * found.share(state, rows) for state in (SLACK, WRINKLED)]
+        stress = found.cauchy_1[most], found.names[most], found.cauchy_2[rows].min()
+        strain = 100.0 * found.strain[rows].max()
+        fabrics.append([name, len(rows), found.area[rows].sum(), *stress, strain, *shares])
+    header = ["fabric", "triangles", "area, m\u00b2", "largest stress, N/m", "in", "least stress, N/m"]
+    header += ["largest strain, %", "slack, %", "wrinkled, %"]
+    tables = [_table("Membranes (principal Cauchy stress; every triangle: membranes.csv)", header, fabrics)]
+    if "support_group_force" in blocks:
+        forces = blocks["support_group_force"]
+        shown = [
+            [s.name, len(s.nodes), _rounded(f, forces)] for s, f in zip(members.membranes.supports, forces, strict=True)
+        ]
+        tables.append(_table("Forces on groups of supports", ["group", "nodes", "force, N"], shown))
+    if "seam_force" in blocks:
+        sizes = [(name, np.linalg.norm(f, axis=1)) for name, f in seam_forces(found, blocks)]
+        seams = [[name, len(f), f.min(), f.mean(), f.max()] for name, f in sizes]
+        header = ["seam", "sides", "least, N/m", "mean, N/m", "largest, N/m"]
+        tables.append(_table("Forces of seams (every side: seams.csv)", header, seams))
+    return tables
 
 
 def _strips(state: FinalState) -> Table:

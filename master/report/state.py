@@ -171,7 +171,7 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None, axes: 
     if turn is not None:
         undeformed = scene.heading.started(members.nodes, {**blocks, "trim_angle": turn})
     chains = [nodes for group in members.chains for nodes in group.nodes]
-    two_way = ~(members.area > 0.0)  # what is no line of the bridle: springs, canopy
+    two_way = ~members.lines  # what is no line of the bridle: springs, canopy
     supports = members.fixed.any(axis=1)
     return Frame(
         members.labels, members.nodes, undeformed, position, supports,

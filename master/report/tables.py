@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.membranes import element_table, membrane_rows, membrane_state, seam_table
 from master.report.panels import panel_loads
 from master.report.sections import COLUMNS, wing_sections
 from master.report.state import loose_lines
@@ -64,10 +65,15 @@ def write_history(path: Path, history: list[dict[str, float]]) -> None:
 
 
 def write_state(
-    folder: Path, blocks: dict[str, np.ndarray], names: dict[str, tuple[str, ...]], interface: Any, wing: Any = None
+    folder: Path,
+    blocks: dict[str, np.ndarray],
+    names: dict[str, tuple[str, ...]],
+    interface: Any,
+    wing: Any = None,
+    members: Any = None,
 ) -> list[str]:
-    """The final state as tables: nodes, elements, interface, panels and exposed lines, and tubes and sections of an
-    inflatable `wing`, as far as the blocks are there.
+    """The final state as tables: nodes, elements, interface, panels and exposed lines, tubes and sections of an
+    inflatable `wing`, and membranes of the `members`, as far as the blocks are there.
 
     `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`,
     `panels` and `lines`. Returns the names of the files.
@@ -110,7 +116,20 @@ def write_state(
             folder / "sections.csv", list(COLUMNS), [[c, *map(repr, v), strut] for c, *v, strut in sections.rows()]
         )
         written.append("sections.csv")
-    return written
+    return written + _write_membranes(folder, blocks, members)
+
+
+def _write_membranes(folder: Path, blocks: dict[str, np.ndarray], members: Any) -> list[str]:
+    """Tables of the membranes and their seams, where there are some; the names of the files."""
+    found = membrane_state(members, blocks)
+    if found is None:
+        return []
+    tables = {"membranes.csv": element_table(found, members.labels)}
+    if "seam_force" in blocks:
+        tables["seams.csv"] = seam_table(found, members.labels, blocks)
+    for name, (header, rows) in tables.items():
+        write_csv(folder / name, header, rows)
+    return list(tables)
 
 
 def versions() -> dict[str, str]:
@@ -216,9 +235,9 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
         rows.insert(8, ("lift over drag, with lines", f"{float(aero['glide_ratio']):.3f}"))
-    tension = structural["tension"]
+    tension = structural.get("tension", np.zeros(0))
     lines = scene.members.names
-    one_way = scene.members.area > 0.0
+    one_way = scene.members.lines
     two_way = ~one_way
     if one_way.any():
         # the first of those that are equal but for rounding, so that left and right do not take turns
@@ -228,7 +247,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.append(("slack lines", ", ".join(slack) or "none"))
         loose = [f"{lines[i]} ({tension[i]:.2g} N)" for i in np.flatnonzero(loose_lines(tension, two_way))]
         rows.append(("loose lines", ", ".join(loose) or "none"))
-    rows += wing_rows(scene.members, structural)
+    rows += wing_rows(scene.members, structural) + membrane_rows(scene.members, structural)
     if "holding_force" in structural and float(structural.get("hold_roll_and_yaw", 0.0)):
         held = (
             f"{float(structural['holding_force']):.2f} N sideways, moment {_vector(structural['holding_moment'])} N m"

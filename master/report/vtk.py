@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from master.report.membranes import MembraneState
 from master.report.state import Frame, Surface
 
 KINDS = {"spring": 0, "line": 1, "rope over sheaves": 2, "tube": 3, "canopy": 4}  # numbers of the cell data `kind`
@@ -88,6 +89,23 @@ def lines_file(surface: Surface) -> bytes:
         data["line_load_N_per_m"] = [surface.line_load]
     points = {"node": nodes + 1, "displacement_m": (surface.position - surface.reference)[nodes]}
     return _vtu(surface.position[nodes], [("line", ends.reshape(surface.lines.shape))], points, data)
+
+
+def membranes_file(found: MembraneState) -> bytes:
+    """The membranes as triangles, of six nodes where they are curved, with the columns of membranes.csv; `fabric`
+    counts the fabrics from 1.
+    """
+    nodes, corners = np.unique(found.nodes, return_inverse=True)
+    kind = "triangle" if found.nodes.shape[1] == 3 else "triangle6"
+    fabrics = {name: k + 1 for k, name in enumerate(dict.fromkeys(found.fabric))}
+    data = {
+        "element": np.arange(1, len(found.nodes) + 1),
+        "fabric": np.array([fabrics[name] for name in found.fabric]),
+        **found.fields(),
+    }
+    points = {"node": nodes + 1, "displacement_m": (found.position - found.reference)[nodes]}
+    cells = [(kind, corners.reshape(found.nodes.shape))]
+    return _vtu(found.position[nodes], cells, points, {name: [values] for name, values in data.items()})
 
 
 def _vtu(points: np.ndarray, cells: Any, point_data: dict[str, np.ndarray], cell_data: dict[str, Any]) -> bytes:

@@ -71,7 +71,7 @@ def wing_results(members: Any, blocks: dict[str, np.ndarray]) -> dict[str, Any] 
     if tubes is None:
         return None
     names, strain, tension = members.names, blocks["strain"], blocks["tension"]
-    canopy, line = canopy_springs(members), members.area > 0.0
+    canopy, line = canopy_springs(members), members.lines
     found: dict[str, Any] = {
         "tubes": {
             "parts": len(tubes.names),

@@ -11,6 +11,7 @@ from ..interface import Interface
 
 CHORD_FRACTIONS = np.array([0.0, 0.5, 1.0])
 ROUNDING = 1e-12  # of weights of order one
+QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))  # of a triangle of six nodes
 
 
 def arc_length(points):
@@ -77,6 +78,19 @@ def grid_interface(nodes, grid):
     fractions = np.linspace(0.0, 1.0, grid.shape[1])
     panels = station_panels(sections)
     return Interface(nodes[flat], panels, weights, sections, fractions)
+
+
+def face_interface(nodes, triangles):
+    """The triangles (m,3) of structural nodes (n,3) themselves, or of each of second order (m,6) the four between its
+    nodes: all of their nodes are interface nodes.
+    """
+    used = np.unique(triangles)
+    place = np.zeros(len(nodes), dtype=int)
+    place[used] = np.arange(len(used))
+    corners = place[triangles if triangles.shape[1] == 3 else triangles[:, QUARTERS].reshape(-1, 3)]
+    weights = sp.csr_array((np.ones(len(used)), (np.arange(len(used)), used)), shape=(len(used), len(nodes)))
+    sections = np.zeros((0, 3), dtype=int)
+    return Interface(nodes[used], corners[:, [0, 1, 2, 2]], weights, sections, CHORD_FRACTIONS)
 
 
 def lines_interface(nodes):

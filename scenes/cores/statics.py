@@ -1,6 +1,6 @@
 """The structural solver of a quasi-static scene: loads in, interface displacements out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,15 +70,16 @@ class Statics(Solver):
         begun, spent = first and model.members.wing is not None, 0
         for moduli in ((START_MODULUS,), STIFFENED) if begun else ((),):
             start = self._softened_start(assembly, values, loads, state, moduli)
-            found = equilibrium(assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations)
+            found = self._equilibrium(assembly, loads, start, tolerance, groups)
             spent += found.iterations
             if found.converged:
                 break
         else:
             moved = np.linalg.norm(found.x - state.x, axis=1)
+            more = "" if model.membranes is None else " and 1e-9 of the loads"
             raise StepFailed(
                 f"static equilibrium not found in {spent} Newton iterations ({found.status}): "
-                f"{found.residual:.3g} N out of balance, {tolerance:.3g} N asked for; node "
+                f"{found.residual:.3g} N out of balance, {tolerance:.3g} N{more} asked for; node "
                 f"{model.members.labels[int(np.argmax(moved))]} went furthest, by {moved.max():.3g} m."
             )
         shape = Shape(found.x, found.rotations)
@@ -90,9 +91,23 @@ class Statics(Solver):
             "newton_iterations": spent,
             "symmetry_used": float(symmetric),
         }
+        out |= model.membrane_reactions(values, groups, loads, found.x, found.rotations)
         if "hold_roll_and_yaw" in values:
             out |= self._holding(values, groups, loads, shape, held)
         return Result(out, shape)
+
+    def _equilibrium(self, assembly, loads, start, tolerance, groups):
+        """Balance within `tolerance` N, of membranes within RELATIVE of the external forces too."""
+        if self.model.membranes is None:
+            return equilibrium(assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations)
+        from .membranes import RELATIVE
+
+        found = equilibrium(assembly, loads, start.x, 0.0, RELATIVE, groups=groups, rotations=start.rotations)
+        if not found.converged or found.residual <= tolerance:
+            return found
+        exact = equilibrium(assembly, loads, found.x, tolerance, groups=groups, rotations=found.rotations)
+        norms = (*found.residuals, *exact.residuals[1:])
+        return replace(exact, iterations=found.iterations + exact.iterations, residuals=norms)
 
     @staticmethod
     def _is_held(values):

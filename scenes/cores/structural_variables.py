@@ -30,6 +30,8 @@ def static_variables(scene, model):
     yield whole("unstable_modes", description=text)
     yield _symmetry_used(scene, model)
     yield from _of_elements(scene, model)
+    if model.membranes is not None:
+        yield from model.membranes.outputs()
     yield from model.validity_variables()
     yield from azimuth_variables(scene)
 
@@ -81,6 +83,8 @@ def _parameters(scene, model):
         text = "pressure in the tubes above that of the air"
         start = given.tube_pressure
         yield tunable("tube_pressure", unit="Pa", start=start, minimum=100.0, maximum=3e5, description=text)
+    if model.membranes is not None:
+        yield from model.membranes.variables()
     for load in scene.point_loads:
         nodes = ", ".join(m.labels[n] for n in load.nodes)
         text = f"dead load on each of the nodes {nodes}, in the directions of the scene's table"
@@ -124,6 +128,7 @@ def _solution(scene):
     text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
     yield switch("symmetric", start=float(scene.structure.symmetric), description=text)
     text = "largest out-of-balance force that counts as equilibrium"
+    text += "; with membranes no more than 1e-9 of the loads" if scene.members.membranes is not None else ""
     yield tunable("solver_tolerance", unit="N", start=1e-6, minimum=1e-12, description=text)
     if scene.trim is not None:
         text = "rigid nose-up rotation about the pivot in which the structure starts"

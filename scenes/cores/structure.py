@@ -66,6 +66,7 @@ class StructuralModel:
         self.interface = replace(scene.interface, nodes=home(scene.interface.nodes))
         self.tapes, self.held = Tapes(scene), held_place(scene, self.members)
         self.mirror = mirror_permutation(self.members.nodes)
+        self.membranes = _membranes(self.members)
         self._assemblies: dict[tuple[bool, bool], Assembly] = {}
         self._beams, self._chains, self._groups, self._symmetric = (Memoised() for _ in range(4))
 
@@ -99,7 +100,8 @@ class StructuralModel:
         return self._all_groups(chains, self.beams(values))
 
     def _all_groups(self, chains, beams):
-        return (*chains, *beams, *self.members.bending)
+        more = () if self.membranes is None else self.membranes.groups
+        return (*chains, *beams, *self.members.bending, *more)
 
     # Symmetry
 
@@ -113,7 +115,9 @@ class StructuralModel:
 
     @cached_property
     def _mirrored_supports(self):
-        return self.mirror is not None and np.array_equal(self.members.fixed, self.members.fixed[self.mirror])
+        if self.mirror is None or not np.array_equal(self.members.fixed, self.members.fixed[self.mirror]):
+            return False
+        return self.membranes is None or self.membranes.mirrored(self.mirror)
 
     def _symmetric_groups(self, *groups):
         return symmetric_groups(groups, self.mirror, self._structure.rotation_nodes)
@@ -133,13 +137,16 @@ class StructuralModel:
     @cached_property
     def _structure(self):
         m, i, w = self.members, self.interface, self.members.wing
-        groups = (*m.chains, *m.bending)
-        loaded = interface_groups(i.weights, i.panels, i.lines)
+        panels = i.panels
+        if self.membranes is not None and np.array_equal(panels[:, 2], panels[:, 3]):
+            panels = panels[:, :3]  # with nothing but triangles, which are cheaper
+        loaded = interface_groups(i.weights, panels, i.lines)
+        loaded |= {} if self.membranes is None else self.membranes.load_groups
         if w is None:
-            return Structure(m.nodes, m.fixed, groups, loaded)
+            return Structure(m.nodes, m.fixed, self._all_groups(m.chains, ()), loaded)
         beams = self.tubes_at(self.scene.structure.tube_pressure)
         free = np.zeros((len(w.rotation_nodes), 3), dtype=bool)
-        groups = (*m.chains, beams, *m.bending)
+        groups = self._all_groups(m.chains, (beams,))
         links = w.dependent_nodes, w.link_rotations
         return Structure(m.nodes, m.fixed, groups, loaded, w.rotation_nodes, free, *links)
 
@@ -159,8 +166,20 @@ class StructuralModel:
             np.add.at(dead, load.nodes, float(values[load.name]) * inward(load.directions, axes))
         if more_mass is not None:
             dead[:, 2] -= more_mass * gravity
+        pressure = values.get("pressure")
         shear, line_load = (inward(values.get(name), axes) for name in ("shear", "line_load"))
-        return Loads(dead, interface_loads(values.get("pressure"), shear, line_load))
+        if self.membranes is None:
+            return Loads(dead, interface_loads(pressure, shear, line_load))
+        idle = shear is None and not np.any(pressure)  # as most often where membranes have pressures of their own
+        on = interface_loads(None if idle else pressure, shear, line_load)
+        return Loads(dead, on | self.membranes.loads(values))
+
+    def membrane_reactions(self, values, groups, loads, x, rotations):
+        """Outputs of the forces on groups of supports of membranes, in equilibrium at x (n,3) m."""
+        if self.membranes is None:
+            return {}
+        structure = replace(self._structure, groups=groups)
+        return self.membranes.reactions(structure, x, loads, rotations, self.heading.axes(values))
 
     def external_force(self, loads, x):
         """Force (3,) N of all loads together in node positions x (n,3) m, in the axes of the kite."""
@@ -172,6 +191,9 @@ class StructuralModel:
         if "lines" in loads.on:
             on = loads.on["lines"]
             force = force + line_load_forces(points[self.interface.lines], on.per_length).sum(axis=(0, 1))
+        for name, faces in () if self.membranes is None else self.membranes.load_groups.items():
+            if name in loads.on:
+                force = force + faces.forces(x[faces.nodes], loads.on[name]).sum(axis=(0, 1))
         return force
 
     # Shapes
@@ -194,16 +216,18 @@ class StructuralModel:
         chains = self.chains(values) if chains is None else chains
         axes, groups = self.heading.axes(values), self.with_chains(values, chains)
         measured = [group.measured(Configuration(x, rotations)) for group in groups]
-        of_chains = {k: np.concatenate([m[k] for m in measured[: len(chains)]]) for k in OF_CHAINS}
+        of_chains = {k: _joined(m[k] for m in measured[: len(chains)]) for k in OF_CHAINS}
         out = {
             "position": self.heading.placed(x, axes),
             "displacement": self.heading.placed(self.interface.weights @ x, axes) - self.scene.interface.nodes,
-            "rest_length": np.concatenate([c.l0 for c in chains]),
-            "axial_stiffness": np.concatenate([c.k * c.l0 for c in chains]),
-            "slack_lines": np.count_nonzero((self.members.area > 0.0) & (of_chains["tension"] <= 0.0)),
+            "rest_length": _joined(c.l0 for c in chains),
+            "axial_stiffness": _joined(c.k * c.l0 for c in chains),
+            "slack_lines": np.count_nonzero(self.members.lines & (of_chains["tension"] <= 0.0)),
         }
         judged = self._judged(groups, measured)
         out |= of_chains | self._verdict(judged)
+        if self.membranes is not None:
+            out |= self.membranes.shown(measured[-1], x, axes)
         if self.members.wing is None:
             return out
         load, ends = judged["largest_moment_over_collapse"], self.members.wing.tubes.ends
@@ -269,6 +293,20 @@ class StructuralModel:
             soft.append(replace(group, k=k))
         same = all(np.array_equal(a.k, b.k) for a, b in zip(soft, chains, strict=True))
         return None if same else tuple(soft)
+
+
+def _joined(arrays):
+    """One array (e,) of the arrays of all groups of chains, which there may be none of."""
+    return np.concatenate([np.zeros(0), *arrays])
+
+
+def _membranes(members):
+    """What the membranes of a scene add, None without: their code is loaded with them only."""
+    if members.membranes is None:
+        return None
+    from .membranes import MembraneModel
+
+    return MembraneModel(members.membranes, members.nodes)
 
 
 def tube_beams(members, structure, law, pressure):

@@ -23,7 +23,8 @@ class Tapes:
 
     @cached_property
     def _rest(self):
-        return np.concatenate([c.l0 for c in self._members.chains]), np.concatenate([c.k for c in self._members.chains])
+        chains, none = self._members.chains, np.zeros(0)
+        return tuple(np.concatenate([none, *values]) for values in ([c.l0 for c in chains], [c.k for c in chains]))
 
     @property
     def rest_lengths(self):

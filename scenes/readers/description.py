@@ -14,11 +14,13 @@ from ..schema import (
     AeroInput,
     Choices,
     DynamicsInput,
+    MembranesInput,
     Number,
     OneOf,
     SceneError,
     Setting,
     StructureInput,
+    Tables,
     TrimInput,
     WingInput,
     Wrong,
@@ -28,7 +30,7 @@ from .settings import offered_settings, setting, variant
 
 Check = Callable[[Any], Any]
 # Sections that a scene may do without.
-_OPTIONAL = ("wing", "aero", "trim", "dynamics")
+_OPTIONAL = ("membranes", "wing", "aero", "trim", "dynamics")
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Description:
     chosen: dict[str, Any]
     choices: Choices
     structure: StructureInput
+    membranes: MembranesInput | None
     wing: WingInput | None
     aero: AeroInput | None
     trim: TrimInput | None
@@ -53,18 +56,21 @@ def known_keys(section: str, method: Any = None) -> dict[str, tuple[Check, Any]]
     """Key -> (check, default) of a section, the default MISSING where the key must be given; [aero] has those of its
     method too, of every method where it names none.
     """
-    kind = SECTIONS[section]
-    hints = get_type_hints(kind, include_extras=True)
-    keys = {
-        f.name: (_check(hints[f.name]), f.default if f.default_factory is MISSING else f.default_factory())
-        for f in fields(kind)
-        if f.name != "options"
-    }
+    keys = _keys_of(SECTIONS[section])
     if section == "aero":
         method = keys["method"][1] if method is None else method
         for name in methods() if method not in methods() else (method,):
             keys |= {key: (_checked_option(option), option.default) for key, option in method_options(name).items()}
     return keys
+
+
+def _keys_of(kind: type) -> dict[str, tuple[Check, Any]]:
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        f.name: (_check(hints[f.name]), f.default if f.default_factory is MISSING else f.default_factory())
+        for f in fields(kind)
+        if f.name != "options"
+    }
 
 
 def _check(hint: Any) -> Check:
@@ -134,6 +140,7 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
         found[section] = _section(label, section, {**given, **changes.get(section, {})})
     soft = [k for k in ("springs", "canopy", "tubes") if getattr(found["structure"], k) is not None]
+    _check_membranes(label, found)
     if found["aero"] is not None and found["wing"] is None and soft:
         raise SceneError(
             f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
@@ -143,6 +150,24 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
     if trim is not None and trim.lowest_deg >= trim.highest_deg:
         raise SceneError(f"{label}: [trim] highest_deg must be above lowest_deg; correct one of them.")
     return found
+
+
+def _check_membranes(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where nodes come from nowhere, and where membranes meet what they have no part in yet."""
+    structure, membranes = found["structure"], found["membranes"]
+    if membranes is None:
+        if structure.nodes is None:
+            raise SceneError(f"{label}: [structure] lacks 'nodes'; add it.")
+        return
+    if found["dynamics"] is not None:
+        raise SceneError(
+            f"{label}: [membranes] have no dynamics yet; drop [dynamics] and solve for the static equilibrium."
+        )
+    if found["aero"] is not None and found["wing"] is None:
+        raise SceneError(
+            f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
+            "have a flow without it, and there are [membranes])."
+        )
 
 
 def _parsed(path: Path, label: str) -> dict[str, Any]:
@@ -156,7 +181,14 @@ def _parsed(path: Path, label: str) -> dict[str, Any]:
 
 
 def _section(label: str, section: str, given: Mapping[str, Any]) -> Any:
-    known = known_keys(section, given.get("method"))
+    values = _checked(label, section, known_keys(section, given.get("method")), given)
+    own = {f.name for f in fields(SECTIONS[section])}
+    options = {key: values.pop(key) for key in list(values) if key not in own}
+    return SECTIONS[section](**values, **({"options": options} if "options" in own else {}))
+
+
+def _checked(label: str, section: str, known: Mapping[str, tuple[Check, Any]], given: Mapping[str, Any]) -> Any:
+    """Key -> value of a section or of a table in one."""
     unknown = sorted(set(given) - set(known))
     if unknown:
         raise SceneError(f"{label}: [{section}] has an unknown key '{unknown[0]}'; known are: {', '.join(known)}.")
@@ -172,6 +204,10 @@ def _section(label: str, section: str, given: Mapping[str, Any]) -> Any:
         except Wrong as wanted:
             shown = str(given[key])[:40]
             raise SceneError(f"{label}: [{section}] {key} must be {wanted}; it is {shown!r}.") from None
-    own = {f.name for f in fields(SECTIONS[section])}
-    options = {key: values.pop(key) for key in list(values) if key not in own}
-    return SECTIONS[section](**values, **({"options": options} if "options" in own else {}))
+        if isinstance(check, Tables):
+            inner = _keys_of(check.kind)
+            values[key] = {
+                name: check.kind(**_checked(label, f"{section}.{key}.{name}", inner, table))
+                for name, table in values[key].items()
+            }
+    return values

@@ -34,9 +34,10 @@ def read_struts(folder: Path, scene: Description, members: Members) -> np.ndarra
         return struts
     if scene.wing is not None:
         return _struts(folder, scene, members)
-    if scene.aero is None and scene.dynamics is None:
+    if scene.aero is None and scene.dynamics is None and scene.membranes is None:
         raise SceneError(
-            f"{folder.name}/scene.toml: a scene without [aero] needs tubes and ribs in [structure], or [dynamics]."
+            f"{folder.name}/scene.toml: a scene without [aero] needs tubes and ribs in [structure], [membranes] or "
+            "[dynamics]."
         )
     return np.zeros((0, 2), dtype=int)
 

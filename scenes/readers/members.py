@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from structural import Chains
 from ..checks import free_line_ends
 from ..interface import Interface
 from ..members import Members, PointLoad
-from ..schema import Choices, SceneError, StructureInput
+from ..schema import Choices, MembranesInput, SceneError, StructureInput
 from .elements import Element, canopy_bending, canopy_quads, lines, mass_shares, point_masses, springs
 from .inflatable_wing import read_wing_mesh
 from .tables import name, number, read_table
@@ -25,41 +25,60 @@ OF_FABRIC = ("tube_stiffness", "tube_shear_stiffness")
 _ONLY_TUBES = (*NEEDED, *OF_FABRIC, "attachments", "wing_mass", "canopy_density", "hold")
 _TUBE_SETTINGS = ("canopy_stations", "canopy_subdivisions", "tube_law")
 _STRUT_SETTINGS = ("chord", "panels_per_section")
+_MEMBRANE_SETTINGS = ("cells", "order", "wrinkling")
 
 
 def read_members(
-    folder: Path, structure: StructureInput, choices: Choices, offered: Iterable[str], wind: tuple[float, ...]
+    folder: Path,
+    structure: StructureInput,
+    choices: Choices,
+    offered: Iterable[str],
+    wind: tuple[float, ...],
+    membranes: MembranesInput | None = None,
 ) -> Members:
-    """All members of the [structure] section, checked: missing and duplicate nodes and names, parts that nothing holds.
+    """All members of the sections [structure] and [membranes], checked: missing and duplicate nodes and names, parts
+    that nothing holds.
 
     `offered` are the names of the settings that the scene has, `wind` its direction, which tells left from right.
     """
     check_wing_keys(folder, structure, choices, offered)
-    labels, nodes, fixed = _nodes(folder / structure.nodes)
+    check_membrane_settings(folder, offered, membranes)
+    labels, nodes, fixed = _nodes(folder, structure, membranes)
     wing = None
     if structure.tubes:
         mesh = choices.canopy_stations, choices.canopy_subdivisions
         wing = read_wing_mesh(folder, structure, labels, nodes, fixed, *mesh, wind)
         labels, nodes = wing.labels, wing.nodes
         fixed = np.concatenate([fixed, np.zeros((len(nodes) - len(fixed), 3), dtype=bool)])
+    placed = None
+    if membranes is not None:
+        from .membranes import read_membranes  # not loaded for scenes without
+
+        alone = not any(getattr(structure, key) for key in ("springs", "canopy", "lines", "tubes"))
+        weighs = structure.masses is not None or any(f.density for f in membranes.fabrics.values())
+        dead = structure.loads is not None or (weighs and structure.gravity != 0.0)
+        own = labels, nodes, fixed, alone, dead
+        placed = read_membranes(folder, membranes, choices, *own)
+        labels, nodes, fixed = placed.labels, placed.nodes, placed.fixed
     table_index = {label: i for i, label in enumerate(labels)}
     elements: list[Element] = []
     taken: dict[str, str] = {}
-    for key, read in (("springs", springs), ("canopy", canopy_quads), ("lines", lines)):
-        if getattr(structure, key):
-            for element, where in read(folder / getattr(structure, key), table_index, nodes, structure):
-                if element.name in taken:
-                    raise SceneError(
-                        f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename."
-                    )
-                taken[element.name] = where
-                elements.append(element)
+    declared = [
+        read(folder / getattr(structure, key), table_index, nodes, structure)
+        for key, read in (("springs", springs), ("canopy", canopy_quads), ("lines", lines))
+        if getattr(structure, key)
+    ]
+    for element, where in chain(*declared, () if placed is None else placed.cables):
+        if element.name in taken:
+            raise SceneError(f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename.")
+        taken[element.name] = where
+        elements.append(element)
     if wing is not None:
         for label, ends, l0, k in wing.springs:
             if label in taken:
                 raise SceneError(f"{taken[label]}: the canopy of the wing has a part named '{label}'; rename the row.")
             elements.append(Element(label, ends, l0, k, 0.0, False, 0.0, True))
-    if not elements:
+    if not elements and placed is None:
         raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
     mass = np.zeros(len(nodes))
     of_wing = np.zeros(len(nodes)) if wing is None else wing_masses(folder, structure, wing)
@@ -68,10 +87,13 @@ def read_members(
         np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
     if structure.masses:
         point_masses(folder / structure.masses, table_index, mass)
-    check_connected(folder, structure, labels, fixed, elements, wing)
+    skin = None if placed is None else placed.membranes
+    if skin is not None:
+        mass = mass + skin.group.nodal_masses(len(nodes))
+    check_connected(folder, structure, labels, fixed, elements, wing, skin)
     groups, area = _grouped(elements)
     bending = _bending(folder, structure, table_index, nodes)
-    members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing, bending)
+    members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing, bending, skin)
     return members if choices.scale == 1.0 else _scaled(members, float(choices.scale))
 
 
@@ -95,9 +117,12 @@ def _scaled(members, factor):
     if wing is not None:
         tubes = replace(wing.tubes, radius=factor * wing.tubes.radius)
         wing = replace(wing, nodes=factor * wing.nodes, tubes=tubes)
+    skin = members.membranes
+    if skin is not None:
+        skin = replace(skin, group=replace(skin.group, pattern=factor * skin.group.pattern))
     groups, start = [], 0
     for group in members.chains:
-        line = members.area[start : start + len(group.l0)] > 0.0
+        line = members.lines[start : start + len(group.l0)]
         start += len(group.l0)
         groups.append(replace(group, l0=factor * group.l0, k=np.where(line, factor * group.k, group.k)))
     bending = tuple(replace(b, arms=factor * b.arms, k=b.k) for b in members.bending)  # EI ~ width, k = EI / arm
@@ -110,10 +135,17 @@ def _scaled(members, factor):
         mass=factor**2 * members.mass,
         wing_mass=factor**2 * members.wing_mass,
         wing=wing,
+        membranes=skin,
     )
 
 
-def _nodes(path: Path):
+def _nodes(folder, structure, membranes):
+    """Labels, places (n,3) m and supports (n,3) of the table of nodes; none where membranes alone make up a scene."""
+    if structure.nodes is None:
+        if structure.tubes:
+            raise SceneError(f"{folder.name}/scene.toml: [structure] lacks 'nodes', which 'tubes' needs; add it.")
+        return (), np.zeros((0, 3)), np.zeros((0, 3), dtype=bool)
+    path = folder / structure.nodes
     table = read_table(path, {"node": name, "x_m": number, "y_m": number, "z_m": number, "fixed": _directions})
     seen: dict[str, int] = {}
     for row, label in enumerate(table["node"]):
@@ -124,7 +156,7 @@ def _nodes(path: Path):
         seen[label] = row
     nodes = np.array([table["x_m"], table["y_m"], table["z_m"]]).T
     fixed = np.array([[axis in f for axis in "xyz"] for f in table["fixed"]])
-    if not fixed.any():
+    if not fixed.any() and (membranes is None or not membranes.supports):
         raise SceneError(
             f"{table.path.parent.name}/{path.name}: no node is fixed; put xyz into 'fixed' of at least one."
         )
@@ -181,6 +213,15 @@ def check_wing_keys(folder, structure, choices, offered):
             raise SceneError(f"{label}: [settings.{key}] must be a whole number, {least} or more; it is {value}.")
 
 
+def check_membrane_settings(folder, offered, membranes):
+    """`SceneError` in one sentence where a setting of membranes is offered, and there are none."""
+    for key in _MEMBRANE_SETTINGS if membranes is None else ():
+        if key in offered:
+            raise SceneError(
+                f"{folder.name}/scene.toml: [settings.{key}] means nothing without [membranes]; remove it."
+            )
+
+
 def wing_masses(folder, structure, wing):
     """Masses (n,) kg of the wing: the canopy by its area, the rest of `wing_mass` along the tubes (LEI thesis 6.2)."""
     canopy = float(wing.canopy_mass.sum())
@@ -193,9 +234,12 @@ def wing_masses(folder, structure, wing):
     return wing.canopy_mass + (total - canopy) * wing.tube_length / wing.tube_length.sum()
 
 
-def check_connected(folder, structure, labels, fixed, elements, wing):
+def check_connected(folder, structure, labels, fixed, elements, wing, membranes=None):
     """Every free node belongs to an element, and whatever hangs together is held somewhere."""
+    where = f"{folder.name}/{structure.nodes or 'scene.toml [membranes]'}"
     joined = [e.nodes for e in elements]
+    if membranes is not None:
+        joined += membranes.group.nodes.tolist()
     if wing is not None:
         links = zip(wing.dependent_nodes, wing.rotation_nodes[wing.link_rotations], strict=True)
         joined += [*map(tuple, wing.tubes.ends), *links]
@@ -203,9 +247,7 @@ def check_connected(folder, structure, labels, fixed, elements, wing):
     used[[n for nodes in joined for n in nodes]] = True
     for n, label in enumerate(labels):
         if not used[n] and not fixed[n].all():
-            raise SceneError(
-                f"{folder.name}/{structure.nodes}: node '{label}' belongs to no element; connect or remove it."
-            )
+            raise SceneError(f"{where}: node '{label}' belongs to no element; connect or remove it.")
     pairs = np.array([pair for nodes in joined for pair in pairwise(nodes)]).T
     graph = sp.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(len(labels), len(labels)))
     count, part = connected_components(graph, directed=False)
@@ -213,8 +255,8 @@ def check_connected(folder, structure, labels, fixed, elements, wing):
     for n, label in enumerate(labels):
         if not supported[part[n]] and used[n]:
             raise SceneError(
-                f"{folder.name}/{structure.nodes}: the part with node '{label}' hangs on no fixed node; connect it "
-                "to the rest or fix one of its nodes."
+                f"{where}: the part with node '{label}' hangs on no fixed node; connect it to the rest or fix one of "
+                "its nodes."
             )
 
 

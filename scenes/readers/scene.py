@@ -5,7 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..builders.interface import design_interface, grid_interface, lines_interface, structural_interface, with_lines
+from ..builders.interface import (
+    design_interface,
+    face_interface,
+    grid_interface,
+    lines_interface,
+    structural_interface,
+    with_lines,
+)
 from ..interface import Interface
 from ..members import Members
 from ..scene import Scene, Source
@@ -28,7 +35,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     read = read_description(folder, settings or {})
     read = _scaled(folder, read)
     wind = _DOWNWIND if read.aero is None else read.aero.wind_direction
-    members = read_members(folder, read.structure, read.choices, read.offers, wind)
+    members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes)
     struts = read_struts(folder, read, members)
     wing = read.wing
     sections = None if wing is None else read_sections(folder, wing, wind)
@@ -76,6 +83,8 @@ def _interface(read: Description, members: Members, struts: Any, sections: Table
     nodes, choices = members.nodes, read.choices
     if members.wing is not None:
         found = grid_interface(nodes, members.wing.grid)
+    elif members.membranes is not None and read.aero is None:
+        found = face_interface(nodes, members.membranes.group.nodes)
     elif sections is None:
         found = lines_interface(nodes)
     elif choices.chord == "design":
@@ -90,6 +99,7 @@ def _interface(read: Description, members: Members, struts: Any, sections: Table
 def _files(read: Description) -> tuple[str, ...]:
     """The files in the scene's folder that it is made of, for the chosen settings."""
     tables = [getattr(read.structure, key) for key in _TABLES]
+    tables += [] if read.membranes is None else [read.membranes.mesh, read.membranes.profiles, read.membranes.patterns]
     tables += [] if read.wing is None else [read.wing.struts, read.wing.sections, read.wing.polars]
     return ("scene.toml", *(t for t in tables if t))
 

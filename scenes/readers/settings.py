@@ -10,10 +10,10 @@ OPTIONS = {
     "chord": ("structural", "design"), "line_drag": ("on", "off"), "panels_per_section": None, "variant": None,
     "canopy_stations": None, "canopy_subdivisions": None, "tube_law": ("breukels", "fabric", "tip-deflection"),
     "camber_feedback": ("on", "off"), "scale": None, "integration": INTEGRATION,
-    "line_area": ("inclined", "projected"),
+    "line_area": ("inclined", "projected"), "cells": None, "order": None, "wrinkling": ("on", "off"),
 }  # fmt: skip
 
-NUMBERS = ("panels_per_section", "canopy_stations", "canopy_subdivisions", "scale")
+NUMBERS = ("panels_per_section", "canopy_stations", "canopy_subdivisions", "scale", "cells", "order")
 
 
 def offered_settings(label: str, settings: Any) -> dict[str, Setting]:

@@ -33,6 +33,11 @@ def non_negative(text: str) -> float:
     return value
 
 
+def whole(text: str) -> int:
+    """A whole number."""
+    return int(text)
+
+
 def name(text: str) -> str:
     """A name without blanks."""
     if not text or " " in text:
@@ -49,6 +54,7 @@ _MEANING: dict[Callable[[str], Any], str] = {
     number: "a finite number",
     positive: "a number above zero",
     non_negative: "a number, zero or more",
+    whole: "a whole number",
     name: "a name without blanks",
     names: "names separated by blanks",
 }

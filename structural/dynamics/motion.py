@@ -82,7 +82,8 @@ class Motion:
 
     `mass` (n,) kg on the nodes, or (n,3,3) where inertia has a direction as that of the air around a wing; `loads`;
     `groups` the elements with their damping (None: those of the structure); each is constant or a function of the time.
-    ValueError in one sentence for a free node without mass, negative masses, and structures with rotational dofs.
+    ValueError in one sentence for a free node without mass, negative masses, membranes, and structures with rotational
+    dofs.
     """
 
     def __init__(
@@ -96,6 +97,8 @@ class Motion:
             raise ValueError(
                 "nodes with rotational dofs (beams) have no place in a particle system; leave the beams out."
             )
+        if any(group.wrinkles for group in assembly.structure.groups):
+            raise ValueError("membranes have no dynamics yet; solve the structure for static equilibrium.")
         self.assembly, self.unknowns = assembly, assembly.unknowns
         self._mass, mass_varies = _function(mass)
         self._loads, loads_vary = _function(loads)

@@ -172,6 +172,19 @@ class ElementGroup:
         """Name of each of the `criteria` -> values (e,) of the elements, from what was `measured`."""
         return {}
 
+    @property
+    def wrinkles(self):
+        """Whether they may lose their stiffness in a direction without being slack, as membranes do: solvers then
+        watch the energy.
+        """
+        return False
+
+    def smoothing(self):
+        """Stiffness (e,d,d) N/m against motion of their nodes relative to one another, in any direction: the
+        Laplacian of elements that wrinkle, for steps of solvers alone; None without.
+        """
+        return None
+
     # Variants of them
 
     def undamped(self):

@@ -1,7 +1,8 @@
-"""Faces with four corners (a triangle may repeat its last one) or three: follower pressure and traction.
+"""Faces with four corners (a triangle may repeat its last one), three, or six nodes: follower pressure and traction.
 
 The force of a face is p a + s |a|, a its area vector: pressure pushes along the normal and follows it, traction keeps
-its direction. It is shared among the corners by int N_i dA, a third each on triangles.
+its direction. It is shared among the corners by int N_i dA, a third each on triangles. On curved triangles of six nodes
+(corners, then the middles of the sides 01, 12, 20; `curved_faces`) it is int N_i (p n + s) dA itself.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ class FaceLoad(Load):
 
 @dataclass(frozen=True, eq=False)
 class Faces(LoadGroup):
-    """Faces `nodes` (p,4), of which a triangle repeats its last corner, or (p,3)."""
+    """Faces `nodes` (p,4), of which a triangle repeats its last corner, (p,3), or (p,6)."""
 
     takes = FaceLoad
 
@@ -36,13 +37,21 @@ class Faces(LoadGroup):
 
     def forces(self, points, load, velocities=None):
         """See LoadGroup."""
-        kernel = triangle_forces if self.nodes.shape[1] == 3 else surface_forces
-        return kernel(points, load.pressure, load.shear)
+        return self._kernels()[0](points, load.pressure, load.shear)
 
     def forces_and_tangents(self, points, load, velocities=None):
         """See LoadGroup."""
-        kernel = triangle_forces_and_tangents if self.nodes.shape[1] == 3 else surface_forces_and_tangents
-        return *kernel(points, load.pressure, load.shear), None
+        return *self._kernels()[1](points, load.pressure, load.shear), None
+
+    def _kernels(self):
+        corners = self.nodes.shape[1]
+        if corners == 6:
+            from .curved_faces import curved_forces, curved_forces_and_tangents  # not loaded with straight sides
+
+            return curved_forces, curved_forces_and_tangents
+        if corners == 3:
+            return triangle_forces, triangle_forces_and_tangents
+        return surface_forces, surface_forces_and_tangents
 
 
 def surface_forces(corners, pressure, shear=None):

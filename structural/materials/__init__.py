@@ -1,1 +1,1 @@
-"""Laws of cross-sections: linear beams, inflated tubes; tables of their constants."""
+"""Laws of cross-sections and fabrics: linear beams, inflated tubes, membranes; tables of their constants."""

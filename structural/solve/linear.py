@@ -56,9 +56,9 @@ class Factors:
 def factorised(matrix, pivot=PIVOT):
     """Factors of a sparse (q,q) matrix whose unknowns are in an order of elimination; `Singular` if it is.
 
-    By SuperLU; for Newton steps of LARGE systems by PARDISO where it is installed.
+    By SuperLU; for Newton steps, whose `pivot` is PIVOT or less, of LARGE systems by PARDISO where it is installed.
     """
-    if pivot == PIVOT and matrix.shape[0] >= LARGE and has_pardiso():
+    if 0.0 < pivot <= PIVOT and matrix.shape[0] >= LARGE and has_pardiso():
         from . import pardiso
 
         return pardiso.PardisoFactors(matrix)

@@ -170,6 +170,10 @@ class Newton:
                 step = -self.r / scale
                 break
             mu = max(10.0 * mu, 1e-6)
+        return self._limited(step)
+
+    def _limited(self, step):
+        """The step within the limits of translations and rotations."""
         rotational = self.problem.rotational
         angle = float(np.abs(step[rotational]).max(initial=0.0))
         distance = float(np.abs(step[~rotational]).max(initial=0.0))

@@ -55,7 +55,7 @@ class StaticProblem:
     """Balance of an assembly under prepared elements and loads; the unknowns stand at (q, rotations)."""
 
     def __init__(self, assembly: Assembly, prepared: Prepared, groups: Sequence[ElementGroup]):
-        self._assembly, self._prepared = assembly, prepared
+        self._assembly, self._prepared, self._groups = assembly, prepared, groups
         unknowns = assembly.unknowns
         self.rotational, self.diagonal, self.norm = unknowns.rotational, assembly.diagonal, unknowns.norm
         self.stiffest = stiffest(groups, assembly.structure.reference)
@@ -69,6 +69,39 @@ class StaticProblem:
         """See Problem."""
         q, rotations = at
         return self._assembly.moved(q, rotations, step)
+
+    # What `energy.EnergyNewton` asks besides
+
+    @property
+    def mean_stiffness(self):
+        """See EnergyProblem."""
+        reference = self._assembly.structure.reference
+        values = [group.stiffness(reference) for group in self._groups if len(group)]
+        return float(np.concatenate(values).mean()) if values else 0.0
+
+    def smoothing(self, at):
+        """See EnergyProblem."""
+        data = self._assembly.smoothing(self._prepared, at[1])
+        return None if data is None else self._assembly.matrix(data)
+
+    def energy(self, at):
+        """See EnergyProblem."""
+        shape = self._assembly.configuration(*at)
+        parts = [group.energy(shape) for group in self._groups]
+        return None if None in parts else float(sum(parts))
+
+    def external_work(self, at, step):
+        """See EnergyProblem: by Simpson's rule, exact for pressure on triangles with straight sides."""
+        work = 0.0
+        for place, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
+            q, rotations = self.moved(at, place * step)
+            work += weight / 6.0 * float(self._assembly.external_forces(q, rotations, self._prepared) @ step)
+        return work
+
+    def residual(self, at):
+        """See EnergyProblem."""
+        q, rotations = at
+        return self._assembly.residual(q, self._prepared, rotations)[0]
 
 
 def equilibrium(
@@ -105,7 +138,7 @@ def equilibrium(
 
     def newton(members, at, rtol):
         problem = StaticProblem(assembly, assembly.prepare(loads, members), members)
-        return Newton(problem, at, tolerance, rtol, step_limit)
+        return engine(members)(problem, at, tolerance, rtol, step_limit)
 
     solve = direct = newton(groups, at, rtol)
     solve.run(min(DIRECT_ITERATIONS, max_iterations))
@@ -128,6 +161,15 @@ def equilibrium(
     unstable = solve.negative_pivots() if solve.status == "converged" else 0
     x = assembly.positions(*solve.at)
     return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, solve.at[1])
+
+
+def engine(groups):
+    """The Newton's method that suits the elements: one that watches the energy where some of them wrinkle."""
+    if not any(group.wrinkles for group in groups):
+        return Newton
+    from .energy import EnergyNewton
+
+    return EnergyNewton
 
 
 def continuation_stages(groups, load):

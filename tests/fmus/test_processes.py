@@ -41,7 +41,7 @@ for k in range(int(sys.argv[2])):
         for name in shared:
             structural.setReal(s[name], aero.getReal(a[name]))
     else:
-        pressure = 5.0 + 1e3 * abs(structural.getReal(s["displacement"])[2]) % 10.0  # as `gust` of the tests
+        pressure = 5.0 + 1e6 * abs(structural.getReal(s["displacement"])[2]) % 10.0  # as `gust` of the tests
         structural.setReal(s["pressure"], [pressure] * len(s["pressure"]))
     structural.doStep(float(k), 1.0)
     if paths[1:]:

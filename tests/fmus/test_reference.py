@@ -155,6 +155,8 @@ def test_the_drawing_has_each_line_and_tube_of_the_structure_and_the_exposed_lin
         if name not in canopy
         for pair in itertools.pairwise(nodes)
     }
+    seams = () if members.membranes is None else members.membranes.seams.values()
+    pairs |= {frozenset(pair) for sides in seams for pair in sides.tolist()}
     tubes = 0 if members.wing is None else len(members.wing.tubes.ends)
     for view in ElementTree.fromstring(drawing(scene, "structural")).iterfind(f"{SVG}g"):
         assert sum(len(shapes(view, kind)) for kind in "kl") == len(pairs)

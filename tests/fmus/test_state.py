@@ -141,7 +141,8 @@ class Pair:
             lengths = [self.structural.get(name.removesuffix("_rate"))[0] for name in self.rates]
             self.dt = self.structural.dt = 1.1e-3 * max(lengths)
         else:
-            self.structural.set(pressure=[-1e7] * len(self.structural.get("pressure")))
+            most = -1e7 if self.scene.members.membranes is None else -1e200  # a membrane bears what it can stretch for
+            self.structural.set(pressure=[most] * len(self.structural.get("pressure")))
         if self.aero is not None:
             far = 1e200 if self.scene.wing is None else -1.0
             self.aero.set(displacement=np.ravel(far * self.scene.interface.nodes).tolist())

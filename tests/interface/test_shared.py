@@ -7,6 +7,7 @@ import scenes
 from interface import SurfaceMesh, Variable, cross
 from interface.line_drag import line_drag, line_force_and_slopes
 from interface.mesh import station_panels
+from interface.mirror import canonical_faces, mirror_rows
 from interface.panels import area_vectors, corner_shares
 from interface.variables import allowed, first_outside
 from tests.structural.models import TANGENT_TOLERANCE, central_difference
@@ -97,3 +98,11 @@ def test_slopes_of_the_force_on_a_line_are_its_derivatives(law):
             (by_air, central_difference(in_wind, wind)),
         ):
             assert np.abs(slope[0] - exact).max() <= TANGENT_TOLERANCE * np.abs(exact).max()
+
+
+def test_a_triangle_that_repeats_any_corner_finds_its_mirror_image():
+    """Both halves of a plate of two triangles with four corners each, listed from other corners and the other way."""
+    panels = np.array([[0, 1, 2, 2], [4, 4, 3, 5]])
+    mirror = np.array([3, 4, 5, 0, 1, 2])
+    assert mirror_rows(panels, mirror, canonical_faces).tolist() == [1, 0]
+    assert canonical_faces(np.array([[3, 1, 1, 2], [0, 3, 1, 2]])).tolist() == [[1, 2, 3, 3], [0, 1, 2, 3]]

@@ -1,0 +1,154 @@
+"""Equilibria with membranes: what steps the solver with does not show in the answer, and other elements beside them."""
+
+import numpy as np
+import pytest
+
+from benchmarks.membrane_models import airbag, hencky, inflated, isotropic, quadratic, rectangle
+from structural import (
+    Assembly,
+    Beams,
+    Chains,
+    Configuration,
+    FaceLoad,
+    Faces,
+    LinearSection,
+    Loads,
+    LoadSensitivity,
+    Structure,
+    equilibrium,
+    reference_axes,
+)
+from structural.elements.membrane_results import membrane_state
+from structural.elements.membranes import flat_patterns, prestressed_patterns
+from structural.materials.membranes import isotropic_membrane
+from structural.solve import energy
+from structural.solve.newton import rounding_force
+from tests.structural.models import chains
+
+TAUT_SHEET = 200.0  # N/m of the sheets below at rest
+
+
+@pytest.mark.parametrize(("smoothing", "shift"), [(0.0, 1e-3), (0.0, 1.0), (1e4, 1e-3)])
+def test_shift_and_smoothing_of_steps_leave_no_trace_in_the_answer(monkeypatch, smoothing, shift):
+    def answers():
+        nodes, fixed, group = airbag(4)
+        return hencky(6, 0.0046, 0.3)[0], inflated(nodes, fixed, group, 5000.0)[0]
+
+    before = answers()
+    monkeypatch.setattr(energy, "SMOOTHING", smoothing)
+    monkeypatch.setattr(energy, "FIRST_SHIFT", shift)
+    for a, b in zip(before, answers(), strict=True):
+        assert b.converged
+        assert a.residuals != b.residuals  # another way to
+        assert np.abs(a.x - b.x).max() <= 1e-9  # the same place: 1e-9 of the load over the least stiffness, p times 1 m
+
+
+def test_the_residual_of_a_flat_start_converges_quadratically_with_its_own_tangent():
+    nodes, fixed, group = airbag(6)
+    found, assembly, loads = inflated(nodes, fixed, group, 5000.0, rtol=1e-6)
+    prepared, q = assembly.prepare(loads), assembly.unknowns.restrict(found.x)
+    norms = []
+    for _ in range(3):  # plain Newton, no engine
+        r, k, external = assembly.residual_and_tangent(q, prepared)
+        norms.append(np.linalg.norm(r) / external)
+        q = q + np.linalg.solve(k.toarray(), -r)
+    assert norms[0] <= 1e-6
+    assert norms[2] <= 1e-11  # rounding; what is left of 1e-6 squared is less
+
+
+def test_rounding_of_positions_makes_the_forces_that_the_family_says():
+    rng = np.random.default_rng(0)
+    for m, offset in ((3, 0.0), (6, 0.0), (3, 10.0), (6, 10.0)):
+        nodes, triangles = rectangle((10, 10), (1.0, 2.0), crossed=True)
+        if m == 6:
+            nodes, triangles, _ = quadratic(nodes, triangles)
+        group = isotropic(nodes, triangles, 1.0, 0.3)
+        x = 1.003 * nodes + offset + np.array([0.0, 0.0, 0.1])
+
+        def total(x, group=group):
+            f = np.zeros_like(x)
+            np.add.at(f, group.nodes, group.forces(Configuration(x)))
+            return f
+
+        off = [np.linalg.norm(total(x + np.spacing(x) * rng.integers(-1, 2, x.shape)) - total(x)) for _ in range(5)]
+        made = 0.354 * np.mean(off)  # of errors up to half a unit in the last place
+        floor = rounding_force((group,), Configuration(nodes), float(np.abs(x).max()))
+        assert 0.2 * floor <= made <= floor
+
+
+def taut_sheet():
+    """A square sheet of 1 m that a frame holds under TAUT_SHEET: nodes, held nodes, membranes."""
+    nodes, triangles = rectangle((4, 4), (1.0, 1.0), crossed=True)
+    law = isotropic_membrane(np.full(len(triangles), 1e5), np.full(len(triangles), 0.3))
+    stress = np.array([TAUT_SHEET, TAUT_SHEET, 0.0])
+    pattern = prestressed_patterns(flat_patterns(nodes, triangles), law, stress)
+    held = np.any(np.isclose(nodes[:, :2] % 1.0, 0.0), axis=1)
+    return nodes, held, isotropic(nodes, triangles, 1e5, 0.3, pattern=pattern)
+
+
+def test_a_strut_that_buckles_beside_a_membrane_is_an_instability():
+    nodes, held, group = taut_sheet()
+    strut = np.array([[3.0, 0.0, 0.0], [3.9, 0.0, 0.0], [4.8, 0.0, 0.0]])  # pressed to 0.9 of its length
+    n = len(nodes)
+    springs = chains([[n, n + 1], [n + 1, n + 2]], 1.0, 1e3, True)
+    fixed = np.repeat(np.concatenate([held, [True, False, True]])[:, None], 3, axis=1)
+    s = Structure(np.concatenate([nodes, strut]), fixed, (group, springs))
+    assert equilibrium(Assembly(s), Loads(np.zeros_like(s.nodes)), s.nodes).unstable_modes == 2
+
+
+def test_a_wrinkled_sheet_is_none():
+    nodes, held, group = taut_sheet()
+    x = nodes.copy()
+    x[held] = nodes[held] * np.array([1.003, 0.97, 1.0])
+    s = Structure(x, np.repeat(held[:, None], 3, axis=1), (group,))
+    found = equilibrium(Assembly(s), Loads(np.zeros_like(x)), x, atol=1e-7)
+    assert found.converged
+    assert membrane_state(group, found.x).wrinkled_share == 1.0
+    assert found.unstable_modes == 0
+
+
+def test_cables_along_the_edges_and_a_mast_hold_a_sail():
+    # sides of the sail are cables (C2), one corner stands on a cantilever (Timoshenko), which has no energy of its own
+    n = 6
+    nodes, triangles = rectangle((n, n), (1.0, 1.0), crossed=True)
+    top = (n + 1) ** 2 - 1
+    mast = np.array([[1.0, 1.0, -0.5]])
+    nodes = np.concatenate([nodes, mast])
+    foot = len(nodes) - 1
+    corner = [0, n, n * (n + 1)]
+    side = np.arange(n + 1)
+    rows = [side, side * (n + 1), n * (n + 1) + side, side * (n + 1) + n]
+    ends = np.concatenate([np.stack([r[:-1], r[1:]], axis=1) for r in rows])
+    cables = Chains(ends, np.full(len(ends), 1.0 / n), np.full(len(ends), 5e4 * n), np.zeros(len(ends), bool))
+    group = isotropic(nodes, triangles, 1e5, 0.3)
+    beam = np.array([[foot, top]])
+    axes = reference_axes(nodes, beam)
+    section = LinearSection.of(1, 1e6, 100.0, 50.0)
+    beams = Beams(beam, np.array([[0, 1]]), axes, np.array([0.5]), section)
+    fixed = np.zeros(nodes.shape, bool)
+    fixed[[*corner, foot]] = True
+    s = Structure(
+        nodes,
+        fixed,
+        (group, cables, beams),
+        {"skin": Faces(triangles)},
+        rotation_nodes=np.array([foot, top]),
+        fixed_rotations=np.array([[True] * 3, [False] * 3]),
+    )
+    assembly = Assembly(s)
+    loads = Loads(np.zeros_like(nodes), {"skin": FaceLoad(np.full(len(group), 50.0))})
+    found = equilibrium(assembly, loads, nodes, atol=0.0, rtol=1e-9)
+    assert found.converged
+    r, external = assembly.residual(assembly.unknowns.restrict(found.x), assembly.prepare(loads), found.rotations)
+    assert assembly.unknowns.norm(r) <= 1e-9 * external
+    assert found.x[:-1, 2].max() > 0.02  # it bellies
+    assert found.x[top, :2].max() < 1.0  # and pulls at its mast
+
+
+def test_a_linear_answer_to_a_change_of_pressure_is_that_of_two_solves():
+    nodes, fixed, group = airbag(6)
+    found, assembly, loads = inflated(nodes, fixed, group, 5000.0, rtol=1e-11)
+    change = Loads(np.zeros_like(nodes), {"skin": FaceLoad(np.full(len(group), 1.0))})
+    slope = LoadSensitivity(assembly, loads, found.x)(change)
+    up, down = (inflated(nodes, fixed, group, 5000.0 + d, start=found.x, rtol=1e-11)[0].x for d in (1.0, -1.0))
+    np.testing.assert_allclose(slope, 0.5 * (up - down), atol=2e-3 * np.abs(slope).max())  # curvature over 1 Pa
