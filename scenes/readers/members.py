@@ -81,7 +81,9 @@ def read_members(
     if not elements and placed is None:
         raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
     mass = np.zeros(len(nodes))
-    of_wing = np.zeros(len(nodes)) if wing is None else wing_masses(folder, structure, wing)
+    of_wing = np.zeros(len(nodes))
+    if wing is not None:
+        of_wing[: len(wing.nodes)] = wing_masses(folder, structure, wing)
     for e in elements:
         share = mass_shares(nodes[list(e.nodes)]) * e.mass
         np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)

@@ -13,6 +13,7 @@ from master.coupling import SCHEMES, Coupling, solve
 from scenes.builders.surfaces import airbag
 from scenes.cores.structure import StructuralModel
 from tests.scenes.membrane_scenes import ISOTROPIC, held, rectangle, solved, written
+from tests.scenes.mesh_files import msh2
 from tests.scenes.mesh_files import written as mesh_file
 
 RELATIVE = 1e-9  # out-of-balance force over the loads that a converged membrane has at most
@@ -310,3 +311,28 @@ def test_membranes_bear_the_strips_of_a_wing_where_its_struts_are_nodes_of_their
         shapes.append(pair.structural.get("displacement"))
         assert len(scene.interface.panels) == 4  # of the strips alone: membranes are no part of the interface here
     assert shapes[1] == pytest.approx(shapes[0], abs=1e-3 * np.abs(shapes[0]).max())  # neither is quite rigid
+
+
+def test_membranes_stand_beside_tubes_rigid_links_pulleys_and_a_canopy(tmp_path):
+    """A patch between three nodes of an inflatable wing, cut too short: its tension pulls these nodes together."""
+    folder = shutil.copytree(scenes.load("v3_hanging_test").folder, tmp_path / "hung")
+    settings = {"canopy_stations": 2}
+    plain = scenes.load(folder, settings)
+    corners = plain.members.wing.grid[[10, 11], 0].tolist() + plain.members.wing.grid[[10], 2].tolist()
+    msh2(folder / "patch.msh", plain.members.nodes[corners], [(1, (1, 2, 3))])
+    patch = f'mesh = "patch.msh"\n{ISOTROPIC}shortening_along = 5.0\nshortening_across = 5.0\n'
+    (folder / "scene.toml").write_text((folder / "scene.toml").read_text() + f"\n[membranes]\n{patch}")
+    patched = scenes.load(folder, settings)
+    assert len(patched.members.nodes) == len(plain.members.nodes)  # all of them tied
+    assert len(patched.interface.panels) == len(plain.interface.panels)  # of the canopy
+    around = []
+    for scene in (plain, patched):
+        core = scene.structural_core()
+        core.step(0.0, 1.0)
+        x = core.get("position")[corners]
+        around.append(np.linalg.norm(x - np.roll(x, 1, axis=0), axis=1).sum())
+    assert around[1] < around[0] - 1e-3  # m
+    assert core.get("membrane_stress_1")[0] > 100.0  # N/m
+    assert core.get("residual") < 1e-6  # N
+    weight = core.get("support_force")
+    assert weight == pytest.approx([0.0, 0.0, abs(weight[2])], abs=1e-6)
