@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from aero.vortex_step.polars import sections_beside
-
 from ..builders.interface import arc_length, nearest_stations
 from ..interface import Interface
 from ..members import Members
@@ -113,6 +111,8 @@ def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float, in
     used = list(dict.fromkeys(sections["polar"]))
     polar = np.array([used.index(key) for key in sections["polar"]])
     alpha, cl, cd, cm, ends = at_common_angles([curves[key] for key in used])
+    from aero.vortex_step.polars import sections_beside  # not loaded by scenes without a wing
+
     span, strips = _places(*design_edges(sections, scale), interface)
     _check_ranges(f"{folder.name}/{wing.polars}", sections, curves, sections_beside(span, strips))
     return SectionPolars(alpha, cl, cd, cm, ends, polar, span, strips)

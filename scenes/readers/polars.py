@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from ..schema import SceneError
 from .tables import name, number, read_table
@@ -67,4 +66,6 @@ def _at_angles(curve, grid):
     alpha, values = curve[0], curve[1:]
     if len(alpha) == len(grid) and np.abs(alpha - grid).max() <= ROUNDING:
         return values
+    from scipy.interpolate import PchipInterpolator  # not loaded by scenes without a wing
+
     return PchipInterpolator(alpha, values, axis=1)(np.clip(grid, alpha[0], alpha[-1]))
