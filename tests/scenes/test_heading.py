@@ -51,7 +51,7 @@ def assert_same_kite(one, other, degrees):
     assert np.abs(here - there).max() <= 1e-6  # m
 
 
-@pytest.mark.parametrize("degrees", [11.0, 90.0, 135.0, 180.0, 250.0])
+@pytest.mark.parametrize("degrees", [11.0, 90.0, 200.0])
 def test_the_kite_flies_alike_whatever_side_the_wind_comes_from(unturned, degrees):
     scene, one, first = unturned
     other, result = flown(scene, degrees)
