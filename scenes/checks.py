@@ -24,20 +24,17 @@ def prestrained(nodes, chains):
 
 def free_line_ends(members):
     """Lines that end in a node, not wholly fixed, to which nothing else is joined: pairs of element and node."""
-    joined, first = np.zeros(len(members.nodes), dtype=int), 0
-    ends: dict[int, int] = {}
+    joined = np.zeros(len(members.nodes), dtype=int)
     for group in members.chains:
         np.add.at(joined, group.nodes, 1)
-        for e, nodes in enumerate(group.nodes.tolist(), first):
-            if members.area[e] > 0.0:
-                ends |= {nodes[0]: e, nodes[-1]: e}
-        first += len(group)
+    ends = np.concatenate([np.zeros((0, 2), dtype=int), *(group.nodes[:, [0, -1]] for group in members.chains)])
     if members.membranes is not None:
         np.add.at(joined, members.membranes.group.nodes, 1)
     if members.wing is not None:
         joined[members.wing.tubes.ends] += 1
         joined[members.wing.dependent_nodes] += 1
-    return [(e, n) for n, e in ends.items() if joined[n] == 1 and not members.fixed[n].all()]
+    free = (members.area > 0.0)[:, None] & (joined[ends] == 1) & ~members.fixed[ends].all(axis=2)
+    return [(int(e), int(ends[e, side])) for e, side in np.argwhere(free)]
 
 
 def bare_line_ends(members, loads, density):
