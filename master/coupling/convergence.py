@@ -11,6 +11,10 @@ from master.coupling.acceleration import Field
 Tolerance = float | Mapping[str, float] | Sequence[float]
 
 ROUNDING = 8.0 * np.finfo(float).eps  # a residual below this fraction of x_tilde is zero in double precision
+# What lies beyond the data: unknowns that only updates made large are an answer where the residual has fallen by more
+# than they have grown, by FALLEN, or is rounding of unknowns whose rounding is this small a part of all residuals.
+FALLEN, NOISE = 0.1, 1e-3
+BLOWN = 1e6  # growth beyond the data at which tolerances that hold, and mean nothing, end the loop
 
 
 def required_number(name: str, value: Any, least: float | None = None, infinite: bool = False) -> float:
@@ -42,7 +46,10 @@ class ConvergenceMonitor:
                 raise ValueError(f"All tolerances of field '{name}' are zero; set atol, rtol or residual_rtol.")
         self.reference = np.zeros(len(names))  # |r_1| of each field
         self.scale = np.zeros(len(names))  # first tolerance of each field that is not zero
+        self.data = np.zeros(len(names))  # size of each field that the data give: its first x_tilde, largest residual
+        self.largest = np.zeros(len(names))  # |r_k| of each field
         self.converged = False
+        self.blown = 0.0
         self.first = 0.0
         self.best = math.inf
         self.progressed_at = 0
@@ -53,7 +60,7 @@ class ConvergenceMonitor:
         significant = r > ROUNDING * size
         self.reference = np.where((self.reference == 0.0) & significant, r, self.reference)
         tolerance = self.atol + self.rtol * size + self.residual_rtol * self.reference
-        self.converged = bool(np.all((r <= tolerance) | ~significant))
+        self._judge(r, size, significant, tolerance)
         self.scale = np.where(self.scale == 0.0, tolerance, self.scale)
         with np.errstate(over="ignore"):
             m = float(np.max(r / np.where(self.scale > 0.0, self.scale, np.inf), initial=0.0))
@@ -63,6 +70,26 @@ class ConvergenceMonitor:
             self.best, self.progressed_at = m, len(self.history) + 1
         self.history.append(m)
         return m
+
+    def _judge(self, r: np.ndarray, size: np.ndarray, significant: np.ndarray, tolerance: np.ndarray) -> None:
+        """Set `converged`, and `blown`, the growth of an unknown beyond the data where that alone made tolerances hold.
+
+        Tolerances that grow with the unknown, and its rounding, hold for any residual once updates have blown it up:
+        of x = x + 1 they do at 1e16. With unknowns as large as the data nothing but the tolerances counts.
+        """
+        self.data = np.maximum(self.data, r if np.any(self.largest) else np.maximum(r, size))
+        self.largest = np.maximum(self.largest, r)
+        holds = (r <= tolerance) | ~significant
+        tight = self.atol + self.rtol * np.minimum(size, self.data) + self.residual_rtol * self.reference
+        known = (size <= self.data) | (np.maximum(r, ROUNDING * size) <= tight)
+        with np.errstate(over="ignore"):
+            fallen = r * size <= FALLEN * self.largest * self.data
+            noise = ~significant & (ROUNDING * size <= NOISE * self.largest)
+        # the rounding of unknowns must leave something of the residuals, else a zero says nothing
+        told = known | noise | (fallen & (ROUNDING * size <= FALLEN * self.largest))
+        self.converged = bool(np.all(holds & told))
+        growth = np.where(told, 0.0, size / np.where(self.data > 0.0, self.data, np.inf))
+        self.blown = float(growth.max(initial=0.0)) if np.all(holds) else 0.0
 
     @property
     def improved(self) -> bool:

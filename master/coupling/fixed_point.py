@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from master.coupling.acceleration import Field, Scheme
-from master.coupling.convergence import ConvergenceMonitor, Tolerance, norm, partition, required_count
+from master.coupling.convergence import BLOWN, ConvergenceMonitor, Tolerance, norm, partition, required_count
 from master.coupling.recovery import Anchor, Loop, Progress, Recovery
 
 Status = Literal["converged", "max_iterations", "diverged", "stalled"]
@@ -59,13 +59,16 @@ def fixed_point(
 
     Converged means |r|_2 <= atol + rtol |x_tilde|_2 + residual_rtol |r_1|_2 in every field, with r = x_tilde - x. A
     tolerance is one number or one per field (mapping by name, or sequence in the order of `fields`). r_1 is the first
-    residual of the field that is not zero to rounding; one that is zero to rounding has converged. `fields` maps names
-    to slices or index arrays of the flattened x and covers it exactly once (none where x has no entries).
-    `callback(k, x, x_tilde, r)` follows each evaluation.
+    residual of the field that is not zero to rounding; one that is zero to rounding has converged. Where x_tilde has
+    outgrown the data (its first value and all residuals), tolerances and rounding that grew with it prove nothing: the
+    residual must then have fallen by more than x_tilde has grown, or be rounding that is small beside the residuals.
+    `fields` maps names to slices or index arrays of the flattened x and covers it exactly once (none where x has no
+    entries). `callback(k, x, x_tilde, r)` follows each evaluation.
 
     Progress is measured as m = max over the fields of |r_f| / tolerance_f (tolerances of the first evaluation).
-    "diverged": m exceeds `growth_limit` times its first value, something is not finite, or G or the scheme raises an
-    ArithmeticError (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not
+    "diverged": m exceeds `growth_limit` times its first value, tolerances hold only because x_tilde has outgrown the
+    data more than a million times, something is not finite, or G or the scheme raises an ArithmeticError
+    (FloatingPointError, OverflowError, ZeroDivisionError). "stalled": the smallest m so far has not
     fallen by 1 % within the last `stall_window` evaluations (0: never), nor is m on its way down from a transient: the
     smallest m of the latest half (or sixth) of the window is then 10 % below that of the half (sixth) before. It is
     "diverged" if the median of the latest half is more than three times that of the half before. Other exceptions of G
@@ -150,8 +153,15 @@ def _judged(
         if failure:
             return "diverged", f"After evaluation {k} {failure}."
     more = k < max_iterations
+    failure = ""
     if measure > growth_limit * monitor.first:
         failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
+    elif monitor.blown > BLOWN:
+        failure = (
+            f"The unknowns grew to {monitor.blown:.1e} times the start and all residuals in {k} evaluations of G, and "
+            "the residual did not fall with that: no fixed point is near."
+        )
+    if failure:
         return None if more and loop.restart(failure) else ("diverged", failure)
     if stall_window and monitor.stalled(stall_window):
         grows = monitor.grows(stall_window)
@@ -172,11 +182,13 @@ def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> t
     """G(x) flattened, and a sentence if the arithmetic of G broke down (the values are nan then)."""
     try:
         with np.errstate(all="ignore"):
-            x_tilde = np.array(G(x.copy()), dtype=float)
+            found = np.array(G(x.copy()))
     except ArithmeticError as error:
         builtin = type(error).__module__ == "builtins"
         reason = f"G raised {type(error).__name__}: {error}" if builtin else str(error)
         return np.full(x.size, np.nan), f"At evaluation {k} {reason.rstrip('.')}."
-    if x_tilde.shape != x.shape:
-        raise ValueError(f"G must return the shape of x0, {x.shape}, but returned {x_tilde.shape}.")
-    return x_tilde.ravel(), ""
+    if found.shape != x.shape:
+        raise ValueError(f"G must return the shape of x0, {x.shape}, but returned {found.shape}.")
+    if np.iscomplexobj(found):
+        raise ValueError(f"G must return real numbers, but returned complex ones at evaluation {k}.")
+    return found.astype(float).ravel(), ""

@@ -172,6 +172,36 @@ def test_no_progress_is_a_stall(G):
     assert result.iterations < 60
 
 
+TOLERANCES = [{"atol": 1e-9}, {"rtol": 1e-6}, {"residual_rtol": 1e-6}, {"atol": 1e-9, "rtol": 1e-6}]
+
+
+@pytest.mark.parametrize("scheme", [Aitken, IQNILS, IQNIMVJ, lambda: ConstantRelaxation(0.5)])
+@pytest.mark.parametrize("tolerances", TOLERANCES)
+@pytest.mark.parametrize("drift", [1e-3, 1.0, 1e8])
+def test_a_map_without_a_fixed_point_never_converges_however_far_its_unknown_is_driven(scheme, tolerances, drift):
+    # x + c, alone and beside a field that converges: updates may drive x to 1e30, where x + c = x in double precision
+    for start in (np.zeros(3), np.ones(1), np.full(2, -7.0)):
+        found = fixed_point(lambda x: x + drift, start, scheme(), **tolerances)
+        assert found.status in ("diverged", "stalled")
+    fields = {"good": slice(0, 1), "drifting": slice(1, 2)}
+    beside = fixed_point(lambda x: np.array([0.5, 1.0]) * x + drift, np.zeros(2), scheme(), fields=fields, **tolerances)
+    assert beside.status in ("diverged", "stalled", "max_iterations")
+
+
+@pytest.mark.parametrize("scheme", [Aitken, IQNILS, IQNIMVJ])
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
+def test_a_fixed_point_far_beyond_the_data_is_found(scheme, gap):
+    found = fixed_point(lambda x: (1.0 - gap) * x + 1.0, np.zeros(1), scheme(), rtol=1e-12)
+    assert found.status == "converged"
+    # the residual is rounding of x, 1 / gap; so its error is eps / gap of x, and a few times that
+    assert found.x[0] == pytest.approx(1.0 / gap, rel=1e-12 / gap + 8.0 * np.finfo(float).eps / gap)
+
+
+def test_complex_values_are_refused_and_not_cut():
+    with pytest.raises(ValueError, match="must return real numbers, but returned complex ones at evaluation 1"):
+        fixed_point(lambda x: 0.5 * x + 1j, np.zeros(2), IQNILS(), rtol=1e-6)
+
+
 def test_a_floor_of_solver_noise_is_a_stall():
     rng = np.random.default_rng(1)
     result = fixed_point(lambda x: 0.5 * x + 1e-6 * rng.standard_normal(5), np.ones(5), IQNILS(), residual_rtol=1e-12)
