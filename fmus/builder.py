@@ -59,8 +59,8 @@ def build(
     fmi: int = 2,
     cores: Mapping[str, Any] | None = None,
 ) -> tuple[Path, ...]:
-    """Paths of `<scene>_structural.fmu` and, where the scene has a flow, `<scene>_aero.fmu`, written to `out_dir` (made
-    when missing).
+    """Paths of `<scene>_structural.fmu` where the scene has a structure, and `<scene>_aero.fmu` where it has a flow,
+    written to `out_dir` (made when missing).
 
     `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU. A kite
     that is free to pitch starts from its trim angle unless they give one; where there is none, SceneError.
@@ -73,7 +73,8 @@ def build(
         raise ValueError(f"FMUs are built for FMI 2 or 3, not {fmi}.")
     given = dict(parameters or {})
     sides: tuple[tuple[str, type[CoreFmu]], ...] = (("structural", StructuralFmu), ("aero", AeroFmu))
-    sides = sides if scene.has_flow else sides[:1]
+    has = {"structural": scene.has_structure, "aero": scene.has_flow}
+    sides = tuple((side, slave) for side, slave in sides if has[side])
     cores = dict(cores or {side: slave.scene_core(scene) for side, slave in sides})
     names = {side: {v.name for v in core.variables if v.causality == "parameter"} for side, core in cores.items()}
     if unknown := sorted(given.keys() - set().union(*names.values())):

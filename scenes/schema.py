@@ -119,6 +119,17 @@ def a_direction(value: Any) -> tuple[float, ...]:
     return numbers
 
 
+def a_point(value: Any) -> tuple[float, ...]:
+    """A point in space."""
+    meaning = "three finite numbers"
+    if not isinstance(value, list) or len(value) != 3:
+        raise Wrong(meaning)
+    try:
+        return tuple(Number()(v) for v in value)
+    except Wrong:
+        raise Wrong(meaning) from None
+
+
 def lists_of_lines(value: Any) -> dict[str, tuple[str, ...]]:
     """Parameter -> names of lines."""
     meaning = "a table of parameter names, each with a list of line names"
@@ -260,8 +271,10 @@ class AeroInput:
     """[aero]: the wind and the `method` for the flow around the wing.
 
     `wind_speed` m/s, `wind_direction` (3,) of any length, `air_density` kg/m^3, `reference_area` m^2 of the
-    coefficients; `line_normal_drag` and `line_friction` are coefficients of lines in the wind. `options` are the keys
-    that only this method has.
+    coefficients; `line_normal_drag` and `line_friction` are coefficients of lines in the wind. `reference_chord` and
+    `reference_span` m are lengths of the moment coefficients of `kitecosim polar`; `reference_point` (3,) m is what
+    moments are about in a scene without a pivot. `symmetric`: solve one half, in a scene without [structure], which
+    says it else. `options` are the keys that only this method has.
     """
 
     method: Annotated[str, a_method] = "vortex-step"
@@ -271,6 +284,10 @@ class AeroInput:
     reference_area: Positive | None = None
     line_normal_drag: NotNegative = NORMAL_DRAG
     line_friction: NotNegative = FRICTION
+    reference_chord: Positive | None = None
+    reference_span: Positive | None = None
+    reference_point: Annotated[tuple[float, ...], a_point] | None = None
+    symmetric: Flag | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
 
