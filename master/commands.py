@@ -5,7 +5,7 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -328,12 +328,22 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], 
     """The scene with its settings, its parameters: the assigned ones, checked, and the trim angle if it has one; and
     its cores, side -> core, with these parameters.
     """
+    scene, parameters, made = assigned_cores(name, assigned, lambda scene: scene.cores())
+    return scene, scene.with_trim(parameters, made), made
+
+
+def assigned_cores(
+    name: str, assigned: dict[str, str], cores_of: Callable[[Any], dict[str, Any]]
+) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """The scene with its assigned settings, its assigned parameters, checked, and the cores that `cores_of` makes of
+    it, with these parameters.
+    """
     import scenes
 
     offers = scenes.settings_of(name)
     settings = {k: v for k, v in assigned.items() if k in offers}
     scene = scenes.load(name, settings)
-    made = scene.cores()
+    made = cores_of(scene)
     cores = tuple(made.values())
     parameters: dict[str, Any] = {}
     for key, text in assigned.items():
@@ -348,7 +358,7 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], 
         for core, _ in owners:
             core.set(key, value)
         parameters[key] = value
-    return scene, scene.with_trim(parameters, made), made
+    return scene, parameters, made
 
 
 def at_rest(scene: Any, given: dict[str, Any], cores: dict[str, Any]) -> tuple[Any, dict[str, Any], str]:

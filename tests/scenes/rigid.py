@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from interface.vectors import azimuth_axes
 from tests.scenes.broken import BUILT_IN
 
 # The wing of v3_kite, whose sections and polars it has, with the options of its flow.
@@ -44,19 +45,23 @@ def rigid_v3(folder, more=""):
     return path
 
 
-def flat_wing(folder, span=10.0, chord=1.0, sweep=0.0, dihedral=0.0, sections=9, point=None, twist=0.0):
+def flat_wing(
+    folder, span=10.0, chord=1.0, sweep=0.0, dihedral=0.0, sections=9, point=None, twist=0.0, azimuth=0.0, aero=""
+):
     """A rectangular wing of thin sections (cl = 2 pi alpha, no drag, no moment), span along y, chord along x, the
-    middle of its quarter-chord line at the origin; `sweep`, `dihedral` and `twist` (nose-up) rad. The path of its
-    scene.
+    middle of its quarter-chord line at the origin; `sweep`, `dihedral` and `twist` (nose-up) rad, and an
+    `azimuth` rad about z by which it is turned with its wind; `aero` more of that section. The path of its scene.
     """
     path = Path(folder) / "flat_wing"
     path.mkdir()
+    turn = azimuth_axes(azimuth)
     rows = ["section,polar,le_x_m,le_y_m,le_z_m,te_x_m,te_y_m,te_z_m"]
     for k, y in enumerate(np.linspace(-0.5, 0.5, sections) * span):
         x, z = abs(y) * np.tan(sweep), abs(y) * np.tan(dihedral)
         along = chord * np.array([np.cos(twist), 0.0, -np.sin(twist)])
         le, te = np.array([x, y, z]) - 0.25 * along, np.array([x, y, z]) + 0.75 * along
-        rows.append(",".join([str(k + 1), "thin", *(repr(float(v)) for v in (*le, *te))]))
+        edges = np.concatenate([le @ turn.T, te @ turn.T])
+        rows.append(",".join([str(k + 1), "thin", *(repr(float(v)) for v in edges)]))
     (path / "sections.csv").write_text("\n".join(rows) + "\n")
     alpha = np.arange(-40.0, 40.5, 1.0)
     polar = [f"thin,{a},{2.0 * np.pi * np.deg2rad(a):.12f},0.0,0.0" for a in alpha.tolist()]
@@ -70,7 +75,8 @@ polars = "polars.csv"
 
 [aero]
 wind_speed = 10.0
+wind_direction = {turn[:, 0].tolist()}
 reference_area = {span * chord}
-{about}"""
+{about}{aero}"""
     (path / "scene.toml").write_text(text)
     return path
