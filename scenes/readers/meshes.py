@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..builders.mesh import Parts, TriangleMesh, agreed, renumbered, turned
+from interface.topology import agreed
+
+from ..builders.mesh import Parts, TriangleMesh, renumbered, turned
 from ..builders.mesh_checks import check_connected, check_no_loose_nodes, check_triangles, without_loose_nodes
 from ..builders.topology import outward_flips
 from ..schema import SceneError

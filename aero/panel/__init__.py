@@ -1,0 +1,1 @@
+"""Panel method: attached potential flow around closed bodies of quads and triangles."""
