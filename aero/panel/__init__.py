@@ -1,1 +1,1 @@
-"""Panel method: attached potential flow around closed bodies of quads and triangles."""
+"""The panel method: sources and doublets on closed bodies in a stream, and the wakes that their trailing edges leave."""

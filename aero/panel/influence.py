@@ -1,0 +1,200 @@
+"""Influence of panels and wake strips on points: matrices of doublets, potentials of sources, velocities.
+
+A panel further from a point than `far` times its size acts by its multipoles about its centre: area and second moments
+of area, and the first moments that a warped panel has; nearer ones act exactly, as two flat triangles. `mirrored` gives
+the influence of the image in the plane y = 0, whose strengths are those of the panels.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from .exact import (
+    FOUR_PI,
+    doublet_velocities,
+    pair_potentials,
+    source_velocities,
+    strip_potentials,
+    strip_velocities,
+)
+from .geometry import PanelGeometry
+
+__all__ = [
+    "FAR",
+    "PanelGeometry",
+    "doublet_matrix",
+    "induced_velocity",
+    "influence",
+    "memory_needed",
+    "source_potential",
+    "thread_count",
+    "wake_matrix",
+    "wake_velocity",
+]
+
+FAR = 5.0  # distance in panel sizes beyond which multipoles stand for a panel
+PAIRS = 32768  # pairs of point and panel that are worked on at a time: their arrays stay in cache
+
+
+def doublet_matrix(geometry, points, mirrored=False, out=None, own=False, far=FAR, threads=None):
+    """Potentials of unit doublets on m panels at p points: (p,m), added to `out` when given.
+
+    With `own` the points are the centres of the panels, seen from inside: 1/2 from a flat panel itself.
+    """
+    return influence(geometry, points, None, mirrored, out, own, far, threads)[0]
+
+
+def source_potential(geometry, points, strengths, mirrored=False, far=FAR, threads=None):
+    """Potential [m^2/s] at p points of source densities [m/s]: (p,) for `strengths` (m,), (p,k) for (m,k).
+
+    No matrix is stored.
+    """
+    return influence(geometry, points, strengths, mirrored, None, False, far, threads, matrix=False)[1]
+
+
+def influence(
+    geometry, points, strengths=None, mirrored=False, out=None, own=False, far=FAR, threads=None, matrix=True
+):
+    """`doublet_matrix` and `source_potential` at once, each None where it is not asked for."""
+    points = _points(points, mirrored)
+    if own and (mirrored or len(points) != len(geometry.area)):
+        raise ValueError("Only the unmirrored centres of the panels themselves are their own points.")
+    if matrix and out is None:
+        out = np.zeros((len(points), len(geometry.area)))
+    summed = strengths is not None
+    columns = np.asarray(strengths if summed else [], dtype=float).reshape(len(geometry.area), -1)
+    potential = np.empty((len(points), columns.shape[1]))
+    near, multipoles = np.ascontiguousarray(geometry.near.T), np.ascontiguousarray(geometry.far.T)
+
+    def rows(part):
+        doublets, sources = _block(near, multipoles, points[part], matrix, summed, far)
+        if matrix:
+            if own:
+                index = np.arange(len(points))[part]
+                doublets[index - index[0], index] = geometry.own[index]
+            out[part] += doublets
+        if summed:
+            potential[part] = np.einsum("pm,mk->pk", sources, columns)
+
+    _over_rows(rows, len(points), len(geometry.area), threads)
+    if np.ndim(strengths) == 1:
+        potential = potential[:, 0]
+    return out if matrix else None, potential if summed else None
+
+
+def _points(points, mirrored):
+    points = np.ascontiguousarray(points, dtype=float)
+    return points * np.array([1.0, -1.0, 1.0]) if mirrored else points
+
+
+def thread_count(threads=None):
+    """Threads to use: as given, or KITECOSIM_THREADS, or one for each core of this process."""
+    given = threads or os.environ.get("KITECOSIM_THREADS")
+    if given is not None and not (str(given).isdecimal() and int(given) > 0):
+        raise ValueError(f"KITECOSIM_THREADS takes a number of threads of at least 1, not {given!r}.")
+    if given is not None:
+        return int(given)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _over_rows(work, rows, columns, threads):
+    """`work` on slices of all rows, which are the same for any number of threads."""
+    step = max(1, PAIRS // max(columns, 1))
+    parts = [slice(start, min(start + step, rows)) for start in range(0, rows, step)]
+    count = min(thread_count(threads), len(parts))
+    if count <= 1:
+        for part in parts:
+            work(part)
+        return
+    with ThreadPoolExecutor(count) as pool:
+        list(pool.map(work, parts))
+
+
+def _block(near, multipoles, points, doublet, source, far):
+    """Potentials of unit doublets and of unit sources of all panels at some points, (p,m) each; empty if not asked."""
+    f = multipoles[:, None, :]
+    x, y, z = (points[:, k, None] - f[k] for k in range(3))
+    square = x * x + y * y + z * z
+    rows, columns = np.nonzero(square < far * far * f[21])
+    square[rows, columns] = 1.0  # finite; exact values take their place
+    inverse = 1.0 / square
+    root = np.sqrt(inverse)
+    second = _quadratic(f[7:13], x, y, z) * inverse
+    sources = doublets = np.empty((0, 0))
+    if source:
+        sources = f[6] * root * (1.0 + (1.5 * second - 0.5 * f[13]) * inverse) / -FOUR_PI
+    if doublet:
+        along = x * f[3] + y * f[4] + z * f[5]
+        first = 3.0 * _quadratic(f[14:20], x, y, z) * inverse - f[20]
+        doublets = (along * (1.0 + (7.5 * second - 1.5 * f[13]) * inverse) + first) * inverse * root / -FOUR_PI
+    for start in range(0, len(rows), PAIRS // 4):
+        i, j = rows[start : start + PAIRS // 4], columns[start : start + PAIRS // 4]
+        exact = pair_potentials(near[:, j], points[i].T, doublet, source)
+        if doublet:
+            doublets[i, j] = exact[0]
+        if source:
+            sources[i, j] = exact[1]
+    return doublets, sources
+
+
+def _quadratic(t, x, y, z):
+    return x * (t[0] * x + 2.0 * (t[3] * y + t[4] * z)) + y * (t[1] * y + 2.0 * t[5] * z) + t[2] * z * z
+
+
+def wake_matrix(a, b, direction, points, mirrored=False):
+    """Potentials of unit doublets on w semi-infinite wake strips at p points: (p,w).
+
+    The strips leave their trailing edges from `a` (w,3) to `b` (w,3) m along the unit vector `direction` (3,), or (w,3)
+    one each; their corners are b, a, a + L d, b + L d, counter-clockwise seen from where their normal points.
+    """
+    points = _points(points, mirrored)
+    a, b = (np.asarray(v, dtype=float).T[:, None, :] for v in (a, b))
+    direction = np.broadcast_to(np.asarray(direction, dtype=float), (a.shape[2], 3)).T[:, None, :]
+    out = np.empty((len(points), a.shape[2]))
+
+    def rows(part):
+        out[part] = strip_potentials(a, b, direction, points[part].T[:, :, None])
+
+    _over_rows(rows, len(points), a.shape[2], 1)
+    return out
+
+
+def induced_velocity(geometry, points, sources, doublets, mirrored=False, core=0.0, threads=None):
+    """Velocity (p,3) [m/s] at points off the panels of source densities (m,) [m/s] and doublets (m,) [m^2/s], exact.
+
+    With a `core` m the velocity of a doublet panel falls to zero within about this distance of its edges; without, it
+    is singular there, and zero on the edges themselves.
+    """
+    points, near = _points(points, mirrored), np.ascontiguousarray(geometry.near.T)[:, None, :]
+    out = np.empty((len(points), 3))
+
+    def rows(part):
+        at = points[part].T[:, :, None]
+        out[part] = np.einsum("kpm,m->pk", doublet_velocities(near, at, core), doublets)
+        out[part] += np.einsum("kpm,m->pk", source_velocities(near, at), sources)
+
+    _over_rows(rows, len(points), 4 * len(geometry.area), threads)
+    return _points(out, mirrored)
+
+
+def wake_velocity(a, b, direction, strengths, points, mirrored=False, core=0.0, threads=None):
+    """Velocity (p,3) [m/s] at points of doublets (w,) [m^2/s] on semi-infinite wake strips; see `wake_matrix`."""
+    points = _points(points, mirrored)
+    a, b = (np.asarray(v, dtype=float).T[:, None, :] for v in (a, b))
+    direction = np.broadcast_to(np.asarray(direction, dtype=float), (a.shape[2], 3)).T[:, None, :]
+    out = np.empty((len(points), 3))
+
+    def rows(part):
+        velocities = strip_velocities(a, b, direction, points[part].T[:, :, None], core)
+        out[part] = np.einsum("kpm,m->pk", velocities, strengths)
+
+    _over_rows(rows, len(points), 4 * a.shape[2], threads)
+    return _points(out, mirrored)
+
+
+def memory_needed(panels):
+    """Bytes that a run with this many panels in the matrix holds at its peak: operator in float64, factor in float32,
+    and panels, strips and work beside them. A half model counts its own panels only.
+    """
+    return 12 * panels**2 + 4000 * panels + 2 * 10**8
