@@ -621,7 +621,7 @@ def _strips(sides, of_panel, trailing, rows):
         after = np.where(sides[edge, 0] == panel, sides[edge, 1], sides[edge, 0])
         on = ~wake[edge] & (after >= 0)
         strip, panel, edge = strip[on], after[on], edge[on]
-    walked = np.array(steps).reshape(-1, t).T
+    walked = np.array(steps, dtype=int).reshape(len(steps), t).T
     return tuple(row[row >= 0] if ok else row[:0] for row, ok in zip(walked, whole, strict=True))
 
 
