@@ -294,7 +294,7 @@ def _splined(points, name):
     nose = min(near, key=lambda r: float(spline(r)[0]), default=s[first])
     foremost, aft = float(spline(nose)[0]), 0.5 * float(points[0, 0] + points[-1, 0])
     chord = aft - foremost
-    remarks = ()
+    remarks: tuple[str, ...] = ()
     if abs(foremost) > 1e-3 or abs(chord - 1.0) > 1e-3:
         remarks = (
             f"profile {name}: its chord from x = {foremost:.4g} to {aft:.4g} is scaled to 1, its nose moved to x = 0.",
