@@ -7,9 +7,12 @@ keeps coarse noses accurate. On these coordinates t a polynomial is fitted, quad
 and linear else, weighted by 1 / |t|^2 in units of the stencil's own extent. Quadratic fits have order 2 on smooth
 structured panels. Which neighbours and which polynomial are found once, on the reference shape; weights follow the
 shape.
+
+Flat triangles on a curved surface are tilted, by as much as they are large and in turn one way and the other; what is
+along the surface is therefore along the mean of a triangle and the three around it, which takes most of that away.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -26,44 +29,49 @@ QUADRATIC = 1e-7
 @dataclass(frozen=True, eq=False)
 class Stencils:
     """Panels around each of r panels: `rows` (r,) their numbers, `neighbours` (r,k) padded with the panel itself,
-    `present` (r,k) bool, `quadratic` (r,) bool which polynomial is fitted.
+    `present` (r,k) bool, `quadratic` (r,) bool which polynomial is fitted, and `beside` (r,3) the panels around a
+    triangle on a smooth surface, the panel itself for all others.
     """
 
     rows: np.ndarray
     neighbours: np.ndarray
     present: np.ndarray
     quadratic: np.ndarray
+    beside: np.ndarray
 
     @classmethod
-    def of(cls, smooth, creased, centre, normal, rows=None):
-        """Stencils of the panels `rows` (all without) of a body with `centre` (m,3) m and unit `normal` (m,3) of its
-        panels in the reference shape, pairs of panels that meet in a `smooth` edge (e,2) and in a crease (c,2).
+    def of(cls, body, centre, normal, rows=None):
+        """Stencils of the panels `rows` (all without) of a `Body` with `centre` (m,3) m and unit `normal` (m,3) of its
+        panels in the reference shape.
 
         A panel whose smooth neighbours lie in one line, as on a flat tip one panel wide, gets those over creases too.
         """
         count = len(centre)
         rows = np.arange(count) if rows is None else np.asarray(rows)
-        first, crossing = _adjacency(smooth, count), _adjacency(creased, count)
+        smooth = body.neighbours
+        first = csr_array((np.ones(len(smooth.panel)), smooth.panel, smooth.start), shape=(count, count))
         around = first + first @ first
-        found = cls(rows, *_padded(around[rows], rows), np.zeros(len(rows), bool))
-        t, size = found.laid_out(centre, normal)
-        short = ~(_flatness(t, found.present) > THIN)
-        if short.any():
-            wide = csr_array((short.astype(float), (rows, rows)), shape=(count, count))
+        beside = _beside(body, rows)
+        found = cls(rows, *_padded(around[rows], rows), np.zeros(len(rows), bool), beside)
+        short = rows[~(_flatness(_tangent_coordinates(found, centre, normal)[0], found.present) > THIN)]
+        if len(short):
+            crossing = _adjacency(body.sides[body.creases], count)
+            wide = csr_array((np.ones(len(short)), (short, short)), shape=(count, count))
             around = around + wide @ (crossing + crossing @ first)
-            found = cls(rows, *_padded(around[rows], rows), np.zeros(len(rows), bool))
-            t, size = found.laid_out(centre, normal)
-        terms = _terms(t) / np.where(found.present, size, 1.0)[..., None]
-        normal_matrix = np.einsum("rki,rkj,rk->rij", terms, terms, found.present.astype(float))
-        eigenvalues = np.linalg.eigvalsh(normal_matrix)
-        enough = (found.present.sum(axis=1) >= 5) & (eigenvalues[:, 0] > QUADRATIC * eigenvalues[:, -1])
-        return cls(rows, found.neighbours, found.present, enough)
+            found = cls(rows, *_padded(around[rows], rows), np.zeros(len(rows), bool), beside)
+        return replace(found, quadratic=found._determined(centre, normal))
 
-    def laid_out(self, centre, normal):
-        """Neighbours in units of the stencil's extent, (r,k,2), and their distance |t| in these, (r,k)."""
-        t = _tangent_coordinates(self, centre, normal)[0]
-        scaled, _ = _scaled(t, self.present)
-        return scaled, np.sqrt(np.einsum("rkc,rkc->rk", scaled, scaled))
+    def _determined(self, centre, normal):
+        """Whether the neighbours determine a quadratic fit, (r,)."""
+        t, _ = _scaled(_tangent_coordinates(self, centre, normal)[0], self.present)
+        size = np.sqrt(np.einsum("rkc,rkc->rk", t, t))
+        terms = _terms(t) / np.where(size > 0.0, size, 1.0)[..., None]
+        values = np.linalg.eigvalsh(np.einsum("rki,rkj->rij", terms, terms))
+        return (self.present.sum(axis=1) >= 5) & (values[:, 0] > QUADRATIC * values[:, -1])
+
+    def normals(self, normal):
+        """Unit normals (r,3) of the surface at the panels, whose own are `normal` (m,3)."""
+        return unit(normal[self.rows] + normal[self.beside].mean(axis=1))
 
     def weights(self, centre, normal):
         """Weights (r,k,3) 1/m: the gradient along the surface is their sum with the differences of values at the
@@ -90,6 +98,20 @@ class Stencils:
 def tangential(vectors, normal):
     """The part (r,3) of vectors (r,3) along surfaces with unit `normal` (r,3)."""
     return vectors - np.einsum("rc,rc->r", vectors, normal)[:, None] * normal
+
+
+def unit(vectors):
+    """Vectors (...,3) divided by their length."""
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def _beside(body, rows):
+    """The three panels around each of the triangles `rows` (r,3); the panel itself for others and where it has less."""
+    smooth, own = body.neighbours, np.repeat(rows[:, None], 3, axis=1)
+    triangle = body.panels[rows, 2] == body.panels[rows, 3]
+    full = triangle & (np.diff(smooth.start)[rows] == 3)
+    own[full] = smooth.panel[smooth.start[rows[full], None] + np.arange(3)]
+    return own
 
 
 def _adjacency(pairs, count):
@@ -119,8 +141,7 @@ def _tangent_coordinates(stencils, centre, normal):
     """Neighbours laid out in the tangent planes, (r,k,2) m, 0 where padded, and the axes (r,2,3) of the planes."""
     n = normal[stencils.rows]
     least = np.eye(3)[np.argmin(np.abs(n), axis=1)]
-    first = tangential(least, n)
-    first /= np.linalg.norm(first, axis=1)[:, None]
+    first = unit(tangential(least, n))
     axes = np.stack([first, cross(n, first)], axis=1)
     d = centre[stencils.neighbours] - centre[stencils.rows][:, None]
     t = np.einsum("rkc,ric->rki", d, axes)
