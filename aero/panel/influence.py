@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from . import kernels
 from .exact import (
     FOUR_PI,
     doublet_velocities,
@@ -19,6 +20,7 @@ from .exact import (
     strip_velocities,
 )
 from .geometry import PanelGeometry
+from .kernels import compiled
 
 __all__ = [
     "FAR",
@@ -37,50 +39,68 @@ FAR = 5.0  # distance in panel sizes beyond which multipoles stand for a panel
 PAIRS = 32768  # pairs of point and panel that are worked on at a time: their arrays stay in cache
 
 
-def doublet_matrix(geometry, points, mirrored=False, out=None, own=False, far=FAR, threads=None):
+def doublet_matrix(geometry, points, mirrored=False, out=None, own=False, far=FAR, threads=None, kernel=None):
     """Potentials of unit doublets on m panels at p points: (p,m), added to `out` when given.
 
     With `own` the points are the centres of the panels, seen from inside: 1/2 from a flat panel itself.
     """
-    return influence(geometry, points, None, mirrored, out, own, far, threads)[0]
+    return _influence(geometry, points, None, mirrored, own, _out(geometry, points, out), far, threads, kernel)[0]
 
 
-def source_potential(geometry, points, strengths, mirrored=False, far=FAR, threads=None):
+def source_potential(geometry, points, strengths, mirrored=False, far=FAR, threads=None, kernel=None):
     """Potential [m^2/s] at p points of source densities [m/s]: (p,) for `strengths` (m,), (p,k) for (m,k).
 
     No matrix is stored.
     """
-    return influence(geometry, points, strengths, mirrored, None, False, far, threads, matrix=False)[1]
+    return _influence(geometry, points, strengths, mirrored, False, None, far, threads, kernel)[1]
 
 
-def influence(
-    geometry, points, strengths=None, mirrored=False, out=None, own=False, far=FAR, threads=None, matrix=True
-):
-    """`doublet_matrix` and `source_potential` at once, each None where it is not asked for."""
+def influence(geometry, points, strengths, mirrored=False, out=None, own=False, far=FAR, threads=None, kernel=None):
+    """`doublet_matrix` and `source_potential` in one pass, which takes little longer than the first alone."""
+    return _influence(geometry, points, strengths, mirrored, own, _out(geometry, points, out), far, threads, kernel)
+
+
+def _out(geometry, points, out):
+    """The matrix to add to: `out` (p,m), float64 with whole rows, or zeros."""
+    shape = len(points), len(geometry.area)
+    if out is None:
+        return np.zeros(shape)
+    if out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous:
+        raise ValueError(f"The matrix to add to must be of 64-bit numbers, C-contiguous and of shape {shape}.")
+    return out
+
+
+def _influence(geometry, points, strengths, mirrored, own, out, far, threads, kernel):
     points = _points(points, mirrored)
     if own and (mirrored or len(points) != len(geometry.area)):
         raise ValueError("Only the unmirrored centres of the panels themselves are their own points.")
-    if matrix and out is None:
-        out = np.zeros((len(points), len(geometry.area)))
-    summed = strengths is not None
-    columns = np.asarray(strengths if summed else [], dtype=float).reshape(len(geometry.area), -1)
-    potential = np.empty((len(points), columns.shape[1]))
+    columns = potential = None
+    if strengths is not None:
+        columns = np.ascontiguousarray(strengths, dtype=float).reshape(len(geometry.area), -1)
+        potential = np.empty((len(points), columns.shape[1]))
+    library, threads = compiled(kernel), thread_count(threads)
+    values = np.ascontiguousarray(geometry.own) if own else None
+    if library is None:
+        _influence_in_numpy(geometry, points, far, values, columns, out, potential, threads)
+    else:
+        kernels.influence(library, geometry, points, far, values, columns, out, potential, threads)
+    return out, potential[:, 0] if potential is not None and np.ndim(strengths) == 1 else potential
+
+
+def _influence_in_numpy(geometry, points, far, own, strengths, out, potential, threads):
     near, multipoles = np.ascontiguousarray(geometry.near.T), np.ascontiguousarray(geometry.far.T)
 
     def rows(part):
-        doublets, sources = _block(near, multipoles, points[part], matrix, summed, far)
-        if matrix:
-            if own:
-                index = np.arange(len(points))[part]
-                doublets[index - index[0], index] = geometry.own[index]
+        doublets, sources = _block(near, multipoles, points[part], out is not None, strengths is not None, far)
+        if own is not None:
+            index = np.arange(len(points))[part]
+            doublets[index - index[0], index] = own[index]
+        if out is not None:
             out[part] += doublets
-        if summed:
-            potential[part] = np.einsum("pm,mk->pk", sources, columns)
+        if strengths is not None:
+            potential[part] = np.einsum("pm,mk->pk", sources, strengths)
 
     _over_rows(rows, len(points), len(geometry.area), threads)
-    if np.ndim(strengths) == 1:
-        potential = potential[:, 0]
-    return out if matrix else None, potential if summed else None
 
 
 def _points(points, mirrored):
@@ -102,7 +122,7 @@ def _over_rows(work, rows, columns, threads):
     """`work` on slices of all rows, which are the same for any number of threads."""
     step = max(1, PAIRS // max(columns, 1))
     parts = [slice(start, min(start + step, rows)) for start in range(0, rows, step)]
-    count = min(thread_count(threads), len(parts))
+    count = min(threads, len(parts))
     if count <= 1:
         for part in parts:
             work(part)
@@ -174,7 +194,7 @@ def induced_velocity(geometry, points, sources, doublets, mirrored=False, core=0
         out[part] = np.einsum("kpm,m->pk", doublet_velocities(near, at, core), doublets)
         out[part] += np.einsum("kpm,m->pk", source_velocities(near, at), sources)
 
-    _over_rows(rows, len(points), 4 * len(geometry.area), threads)
+    _over_rows(rows, len(points), 4 * len(geometry.area), thread_count(threads))
     return _points(out, mirrored)
 
 
@@ -189,7 +209,7 @@ def wake_velocity(a, b, direction, strengths, points, mirrored=False, core=0.0, 
         velocities = strip_velocities(a, b, direction, points[part].T[:, :, None], core)
         out[part] = np.einsum("kpm,m->pk", velocities, strengths)
 
-    _over_rows(rows, len(points), 4 * a.shape[2], threads)
+    _over_rows(rows, len(points), 4 * a.shape[2], thread_count(threads))
     return _points(out, mirrored)
 
 
