@@ -1,13 +1,15 @@
 """Forces in the Trefftz plane, far downstream, where the wake is a sheet that the flow crosses along its vortices.
 
-The sheet is made of strips of constant jump of the potential, projected across the free stream. The momentum and the
-energy that it leaves behind per length are the lift, side force and induced drag of what shed it (Katz and Plotkin
-2001, section 8.3.2):
+The sheet is made of strips, projected across the free stream. Lift and side force are those of Kutta and Joukowski,
+rho U x (jump l) with l a strip from a to b; the induced drag is the energy that the sheet leaves behind per length
+(Katz and Plotkin 2001, section 8.3.2),
 
-    F = rho U x sum(jump l),   D = -rho / 2 sum(jump w_n |l|),
+    D = -rho / 4 pi  int int dG(s) dG(t) ln r(s, t),
 
-with l the projected strip from a to b and w_n the velocity across it, by the straight vortices at its ends and those of
-all others: nothing of the body, so that pressures need not be integrated. Sheets may be closed, as that of a box wing.
+nothing of the body, so that pressures need not be integrated. Between the strips' own values the circulation G is
+linear, and nothing is shed at points: what the strips that meet at a node bring there adds up to zero, at a free end
+for one strip alone. Sheets may end, close, as that of a box wing, or branch. The drag is of order 2 in the width of
+strips where these get narrower towards free ends as they do with cosine spacing, of order 1 where they do not.
 """
 
 from dataclasses import dataclass
@@ -16,75 +18,81 @@ import numpy as np
 
 from interface.vectors import cross
 
+# Gauss points and weights along a strip; with the other integral exact, of integrands with logarithms at their ends.
+POINTS, WEIGHTS = (0.5 * v for v in np.polynomial.legendre.leggauss(8))
+POINTS = POINTS + 0.5
+
+
 @dataclass(frozen=True, eq=False)
 class FarWake:
-    """What the wake says of the forces: `force` (3,) N, `induced_drag` N with it along the free stream, and by strip
-    the `strip_force` (s,3) N across the stream and its `width` (s,) m.
+    """What the wake says of the forces: `strip_force` (s,3) N across the stream of each strip, the strips' projected
+    `width` (s,) m, and the `induced_drag` N along the stream.
     """
 
-    force: np.ndarray
-    induced_drag: float
     strip_force: np.ndarray
     width: np.ndarray
+    induced_drag: float
+
+    @property
+    def lift(self):
+        """Force (3,) N across the stream."""
+        return self.strip_force.sum(axis=0)
 
     def span_efficiency(self, span, dynamic_pressure):
-        """e = L^2 / (q pi b^2 D) of the lift with the `span` b m; 0 where there is no drag."""
-        lift = float(self.strip_force.sum(axis=0) @ self.strip_force.sum(axis=0))
+        """e = L^2 / (q pi b^2 D), L the whole force across the stream and b the `span` m; 0 without drag."""
         least = np.finfo(float).tiny
-        return lift / (dynamic_pressure * np.pi * span**2 * self.induced_drag) if self.induced_drag > least else 0.0
+        if not self.induced_drag > least:
+            return 0.0
+        return float(self.lift @ self.lift) / (dynamic_pressure * np.pi * span**2 * self.induced_drag)
 
 
-def far_wake(a, b, jumps, direction, speed, density, control=None):
-    """The `FarWake` of strips between the points `a`, `b` (s,3) m at the trailing edge, with `jumps` (s,) m^2/s of the
-    doublets whose normal is direction x (b - a), in a stream of `speed` m/s along the unit vector `direction` (3,) of
-    `density` kg/m^3. `control` (s,) is where along each strip, 0 to 1, the flow across it is taken, by default half
-    way (see `control_fractions`).
+def far_wake(nodes, ends, jumps, direction, speed, density):
+    """The `FarWake` of strips that leave the `nodes` (n,3) m between their `ends` (s,2), a and b, with `jumps` (s,)
+    m^2/s of doublets whose normal is direction x (b - a), in a stream of `speed` m/s along the unit vector `direction`
+    (3,) and of `density` kg/m^3.
     """
-    flat_a, flat_b = (p - np.outer(p @ direction, direction) for p in (a, b))
-    along = np.broadcast_to(direction, flat_a.shape)
-    across = cross(flat_b - flat_a, along)  # against the normal, as long as the strip is wide
-    force = density * speed * jumps[:, None] * across
-    at = 0.5 if control is None else control[:, None]
-    velocity = _velocity(flat_a + at * (flat_b - flat_a), flat_a, flat_b, jumps, direction)
-    drag = -0.5 * density * float(jumps @ np.einsum("sc,sc->s", velocity, across))
-    return FarWake(force.sum(axis=0) + drag * direction, drag, force, np.linalg.norm(across, axis=1))
+    flat = nodes - np.outer(nodes @ direction, direction)
+    a, b = flat[ends[:, 0]], flat[ends[:, 1]]
+    across = cross(b - a, np.broadcast_to(direction, a.shape))  # against the normal, as long as the strip is wide
+    force, width = density * speed * jumps[:, None] * across, np.linalg.norm(across, axis=1)
+    if not len(jumps):
+        return FarWake(force, width, 0.0)
+    shed = _shed(ends, jumps, width)
+    return FarWake(force, width, -density / (4.0 * np.pi) * float(shed @ _mean_logarithms(a, b, direction) @ shed))
 
 
-def _velocity(points, a, b, jumps, along):
-    """Velocity (p,3) m/s in the Trefftz plane at `points` (p,3) m by strips (s,) between a and b (s,3) m.
+def _shed(ends, jumps, width):
+    """Circulation (s,) m^2/s that each strip sheds between its ends.
 
-    The potential falls by the jump from below a strip to above it: that is a pair of vortices along the stream, at a
-    with the jump as circulation and at b against it. A vortex G gives G (along x r) / 2 pi r^2.
+    Of what the strips bring to a node, with the sign of the end that is there, each gives up a share by its width so
+    that nothing is left: between two strips that is linear interpolation, at a free end zero.
     """
-    found = np.zeros_like(points)
-    for end, sign in ((a, 1.0), (b, -1.0)):
-        r = points[:, None] - end
-        r2 = np.einsum("psc,psc->ps", r, r)
-        weight = sign * jumps / (2.0 * np.pi * np.where(r2 > 0.0, r2, np.inf))
-        found += np.einsum("ps,psc->pc", weight, r)
-    return cross(np.broadcast_to(along, points.shape), found)
+    count, sign = ends.max() + 1, np.array([-1.0, 1.0])
+    brought = np.bincount(ends.ravel(), weights=np.outer(jumps, sign).ravel(), minlength=count)
+    wide = np.bincount(ends.ravel(), weights=np.repeat(width, 2), minlength=count)
+    wide = np.where(wide > 0.0, wide, 1.0)
+    at_end = jumps[:, None] - sign * width[:, None] * (brought / wide)[ends]
+    return at_end[:, 1] - at_end[:, 0]
 
 
-def control_fractions(ends, width):
-    """Where along each strip (s,) the flow across it is taken, from its `ends` (s,2) node numbers and `width` (s,) m:
-    towards the narrower of its neighbours, the strips that share one end with it alone.
+def _mean_logarithms(a, b, direction):
+    """Mean of ln r (s,s) between the points of any two strips from a to b (s,3) m, in the plane across `direction`."""
+    along = b - a
+    length = np.linalg.norm(along, axis=1)
+    some = length > 0.0
+    tangent = along / np.where(some, length, 1.0)[:, None]
+    normal = cross(np.broadcast_to(direction, tangent.shape), tangent)
+    found = np.zeros((len(a), len(a)))
+    for share, weight in zip(POINTS, WEIGHTS, strict=True):
+        r = (a + share * along)[:, None] - a
+        x, y = np.einsum("psc,sc->ps", r, tangent), np.abs(np.einsum("psc,sc->ps", r, normal))
+        whole = _logarithm_integral(length - x, y) - _logarithm_integral(-x, y)
+        found += weight * whole / np.where(some, length, 1.0)
+    found[:, ~some] = 0.0  # strips along the stream shed nothing
+    return 0.5 * (found + found.T)
 
-    Half way between equal ones, the half angle on cosine-spaced ones, where it makes the induced drag of elliptic
-    loading exact (van Garrel 2003, ECN-C-03-079).
-    """
-    before, after = _neighbour_widths(ends, width)
-    toward_a, toward_b = before / (before + width), width / (width + after)
-    inner = 0.25 * (toward_a + toward_b + 1.0)
-    free_a, free_b = np.isnan(before), np.isnan(after)
-    fraction = np.where(free_a, toward_b, np.where(free_b, toward_a, inner))
-    return np.where(free_a & free_b, 0.5, fraction)
 
-
-def _neighbour_widths(ends, width):
-    """Widths (2,s) of the strips beyond the ends a and b, NaN where there is none, or more than one."""
-    flat = ends.ravel()
-    shared = np.bincount(flat)[flat] == 2
-    strip = np.arange(len(flat)) // 2
-    total = np.bincount(flat, weights=width[strip])[flat]  # of both strips at an end
-    beyond = np.where(shared, total - width[strip], np.nan)
-    return beyond.reshape(-1, 2).T
+def _logarithm_integral(u, y):
+    """Integral of ln sqrt(u^2 + y^2) over u, y >= 0."""
+    square = u * u + y * y
+    return 0.5 * u * np.log(np.where(square > 0.0, square, 1.0)) - u + y * np.arctan2(u, y)
