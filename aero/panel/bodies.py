@@ -28,6 +28,19 @@ RAYS = (0.5, 0.02, 0.98)  # where on a trailing edge the rays leave that follow 
 START = 1e-6  # of the length of a trailing edge, behind which its wake may meet the body
 
 
+class BodyError(ValueError):
+    """What is wrong with a body, in one sentence, and the panels that it is about."""
+
+    def __init__(self, text, *rows):
+        self.text, self.rows = text, rows
+        super().__init__(self.called("panel"))
+
+    def called(self, noun, numbers=None):
+        """The sentence with panels called by another noun, and by their `numbers` (m,), from 1 on by default."""
+        rows = [np.asarray(of) for of in self.rows]
+        return self.text.format(*(noun + listed(1 + of if numbers is None else numbers[of]) for of in rows))
+
+
 @dataclass(frozen=True, eq=False)
 class Neighbours:
     """Panels across smooth edges: those of panel i are `panel[start[i]:start[i + 1]]`, across the edges `edge[...]`."""
@@ -68,7 +81,7 @@ class Body:
     def of(
         cls, nodes, panels, trailing_edges=None, *, symmetric=False, downstream=(1.0, 0.0, 0.0), crease_angle=CREASE
     ):
-        """The body of `nodes` (n,3) m and `panels` (m,4); ValueError in one sentence for what is wrong with it.
+        """The body of `nodes` (n,3) m and `panels` (m,4); BodyError in one sentence for what is wrong with it.
 
         `trailing_edges` (t,2) are pairs of nodes; none of them: a body without lift; None: the sharp edges whose panels
         both lie upstream of them, `downstream` (3,) being the direction of the flow at rest. `symmetric`: panels are
@@ -103,14 +116,15 @@ class Body:
         return body
 
     def check_strips(self, nodes):
-        """ValueError where strips are more than 50 times as wide as their chord is long, on `nodes` (n,3) m."""
+        """BodyError where strips are more than 50 times as wide as their chord is long, on `nodes` (n,3) m."""
         longer = np.flatnonzero(self.strip_aspect_ratios(nodes) > SLENDEST)
         if len(longer):
             worst = self.strip_aspect_ratios(nodes)[longer].max()
-            raise ValueError(
-                f"the strip{listed(1 + longer)} (at the {_panels(self.trailing[longer, 0])}) "
+            raise BodyError(
+                f"the strip{listed(1 + longer)} (at the {{0}}) "
                 f"{agreed(len(longer), 'is', 'are')} up to {worst:.3g} times as wide as the chord is long, more than "
-                f"{SLENDEST:g}; divide the span into more strips."
+                f"{SLENDEST:g}; divide the span into more strips.",
+                self.trailing[longer, 0],
             )
 
     def strip_aspect_ratios(self, nodes):
@@ -132,12 +146,12 @@ class Body:
         return ratio
 
     def check_plane(self, nodes):
-        """ValueError where a half of a symmetric body, on `nodes` (n,3) m, goes through the plane y = 0."""
+        """BodyError where a half of a symmetric body, on `nodes` (n,3) m, goes through the plane y = 0."""
         if self.symmetric:
             _check_half(nodes, self.panels)
 
     def check_wake(self, nodes, direction):
-        """ValueError where the wake that leaves on `nodes` (n,3) m along `direction` (3,) goes into a body.
+        """BodyError where the wake that leaves on `nodes` (n,3) m along `direction` (3,) goes into a body.
 
         Rays leave each trailing edge at its middle and near its ends; they must not begin between its two sides, inside
         the body, nor meet a panel behind.
@@ -148,15 +162,18 @@ class Body:
         out = _unit(area_vectors(nodes[self.panels[self.trailing[:, :2].ravel()]])).reshape(-1, 2, 3) @ d
         inside = np.flatnonzero(np.all(out < 0.0, axis=1))
         if len(inside):
-            raise ValueError(
+            raise BodyError(
                 f"the wake goes into the body at its own trailing edge{listed(1 + inside)} (at "
-                f"{_panels(self.trailing[inside, 0])}): the flow comes from behind there; turn it or the body."
+                f"{{0}}): the flow comes from behind there; turn it or the body.",
+                self.trailing[inside, 0],
             )
         row, panel = self._first_hit(nodes, d)
         if row >= 0:
-            raise ValueError(
-                f"the wake of trailing edge {1 + row} (at panel {1 + self.trailing[row, 0]}) goes through the body at "
-                f"panel {1 + panel}; move what lies behind it out of the flow, or change the angle."
+            raise BodyError(
+                f"the wake of trailing edge {1 + row} (at {{0}}) goes through the body at "
+                f"{{1}}; move what lies behind it out of the flow, or change the angle.",
+                [self.trailing[row, 0]],
+                [panel],
             )
 
     def _first_hit(self, nodes, d):
@@ -188,7 +205,7 @@ class Body:
     def half(self, nodes):
         """The half y > 0 of a body that is its own mirror image in the plane y = 0, on the same `nodes` (n,3) m.
 
-        ValueError where it is not, or where panels lie across the plane.
+        BodyError where it is not, or where panels lie across the plane.
         """
         return Half.of(self, np.asarray(nodes, dtype=float))
 
@@ -250,18 +267,19 @@ class Half:
         image = np.arange(len(nodes))
         found = mirror_permutation(nodes[used], tolerance)
         if found is None:
-            raise ValueError(f"{_UNLIKE}: nodes have no mirror images; solve the whole body.")
+            raise BodyError(f"{_UNLIKE}: nodes have no mirror images; solve the whole body.")
         image[used] = used[found]
         rows = mirror_rows(whole.panels, image, canonical_faces)
         odd = np.flatnonzero(rows < 0)
         if len(odd):
-            raise ValueError(f"{_UNLIKE}: the {_panels(odd)} {_has(odd)} no mirror image; solve the whole body.")
+            raise BodyError(f"{_UNLIKE}: the {{0}} {_has(odd)} no mirror image; solve the whole body.", odd)
         y = nodes[whole.panels, 1]
         across = np.flatnonzero((y.max(axis=1) > tolerance) & (y.min(axis=1) < -tolerance))
         if len(across):
-            raise ValueError(
-                f"the {_panels(across)} {agreed(len(across), 'lies', 'lie')} across the plane y = 0; put nodes on it, "
-                "or solve the whole body."
+            raise BodyError(
+                f"the {{0}} {agreed(len(across), 'lies', 'lie')} across the plane y = 0; put nodes on it, "
+                "or solve the whole body.",
+                across,
             )
         own = y.mean(axis=1) > 0.0
         panels = np.flatnonzero(own)
@@ -302,10 +320,6 @@ def _strip_images(whole, image, rows, strips):
 # Edges and their checks
 
 
-def _panels(rows):
-    return "panel" + listed(1 + np.asarray(rows))
-
-
 def _unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
@@ -313,30 +327,31 @@ def _unit(vectors):
 def _check_panels(nodes, panels):
     """Raises where arrays are none of nodes and panels, or panels have no area or are written otherwise."""
     if nodes.ndim != 2 or nodes.shape[1] != 3 or panels.ndim != 2 or panels.shape[1] != 4 or not len(panels):
-        raise ValueError("a body needs nodes (n,3) and panels (m,4), one panel at least; correct the arrays.")
+        raise BodyError("a body needs nodes (n,3) and panels (m,4), one panel at least; correct the arrays.")
     if not np.issubdtype(panels.dtype, np.integer):
-        raise ValueError("panels must be whole numbers, the indices of nodes; correct the array.")
+        raise BodyError("panels must be whole numbers, the indices of nodes; correct the array.")
     wrong = np.flatnonzero(np.any((panels < 0) | (panels >= len(nodes)), axis=1))
     if len(wrong):
-        raise ValueError(f"the {_panels(wrong)} {_has(wrong)} a corner that is no node of {len(nodes)}; correct it.")
+        raise BodyError(f"the {{0}} {_has(wrong)} a corner that is no node of {len(nodes)}; correct it.", wrong)
     wrong = np.flatnonzero(~np.all(np.abs(nodes) <= FAR, axis=1))
     if len(wrong):
         where = agreed(len(wrong), "is at no finite place", "are at no finite places")
-        raise ValueError(f"the node{listed(1 + wrong)} {where} within {FAR:g} m; correct the coordinates.")
+        raise BodyError(f"the node{listed(1 + wrong)} {where} within {FAR:g} m; correct the coordinates.")
     same = panels[:, :, None] == panels[:, None, :]
     same[:, 2, 3] = same[:, 3, 2] = False
     wrong = np.flatnonzero(same.sum(axis=(1, 2)) > 4)
     if len(wrong):
-        raise ValueError(
-            f"the {_panels(wrong)} {_has(wrong)} a corner twice; only a triangle may repeat its last one (a, b, c, c)."
+        raise BodyError(
+            f"the {{0}} {_has(wrong)} a corner twice; only a triangle may repeat its last one (a, b, c, c).", wrong
         )
     corners = nodes[panels]
     longest = np.linalg.norm(corners[:, :, None] - corners[:, None, :], axis=3).max(axis=(1, 2))
     wrong = np.flatnonzero(np.linalg.norm(area_vectors(corners), axis=1) <= THIN * longest**2)
     if len(wrong):
-        raise ValueError(
-            f"the {_panels(wrong)} {_has(wrong)} no area (corners on one line or at one point, or crossed sides); mend "
-            "the mesh there."
+        raise BodyError(
+            f"the {{0}} {_has(wrong)} no area (corners on one line or at one point, or crossed sides); mend "
+            "the mesh there.",
+            wrong,
         )
 
 
@@ -347,7 +362,7 @@ def _has(rows):
 def _paired(panels):
     """Edges (e,2), the panels (e,2) on either side, and the edge (m,4) from every corner to the next; see Body.
 
-    ValueError where more than two panels meet at an edge or neighbours have opposite normals.
+    BodyError where more than two panels meet at an edge or neighbours have opposite normals.
     """
     m = len(panels)
     ends = np.stack([panels, np.roll(panels, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -359,9 +374,10 @@ def _paired(panels):
     if len(many):
         a, b = 1 + edges[many[0]]
         others = f" and {len(many) - 1} more edges" if len(many) > 1 else ""
-        raise ValueError(
-            f"{count[many[0]]} panels ({_panels(panel[which == many[0]])}) meet at the edge of nodes {a} and "
-            f"{b}{others}; a surface has two at every edge: remove what is inside the body or twice."
+        raise BodyError(
+            f"{count[many[0]]} panels ({{0}}) meet at the edge of nodes {a} and "
+            f"{b}{others}; a surface has two at every edge: remove what is inside the body or twice.",
+            panel[which == many[0]],
         )
     order = np.lexsort((~forward, which))
     start = np.concatenate([[0], np.cumsum(count)[:-1]])
@@ -383,14 +399,13 @@ def _check_turning(count, one, other, agree):
     turn = turning(count, one, other, agree)
     twisted = np.flatnonzero(~turn.orientable[turn.patch])
     if len(twisted):
-        raise ValueError(
-            f"the surface of the {_panels(twisted)} has one side only, like a Moebius strip; it bounds no body."
-        )
+        raise BodyError("the surface of the {0} has one side only, like a Moebius strip; it bounds no body.", twisted)
     wrong = np.flatnonzero(turn.flip)
-    raise ValueError(
-        f"{agreed(len(wrong), 'the normal', 'the normals')} of {_panels(wrong)} "
+    raise BodyError(
+        f"{agreed(len(wrong), 'the normal', 'the normals')} of {{0}} "
         f"{agreed(len(wrong), 'points', 'point')} to the other side than the neighbours'; reverse the order of "
-        f"{agreed(len(wrong), 'its', 'their')} corners."
+        f"{agreed(len(wrong), 'its', 'their')} corners.",
+        wrong,
     )
 
 
@@ -404,22 +419,21 @@ def _check_surface(nodes, panels, edges, sides, symmetric):
     if len(rows):
         a, b = 1 + edges[rows[0]]
         but = ", except in the plane y = 0" if symmetric else ""
-        raise ValueError(
-            f"the surface is open at the {_panels(np.unique(sides[rows, 0]))} ({len(rows)} "
+        raise BodyError(
+            f"the surface is open at the {{0}} ({len(rows)} "
             f"{agreed(len(rows), 'edge', 'edges')} without a second panel, the first between nodes {a} and {b}); close "
-            f"it{but}, or merge the nodes along the gap."
+            f"it{but}, or merge the nodes along the gap.",
+            np.unique(sides[rows, 0]),
         )
     shut = sides[:, 1] >= 0
     component = connected(len(panels), sides[shut, 0], sides[shut, 1])
     volume, area = _volumes(nodes, panels, component, symmetric)
     none = np.flatnonzero(np.isin(component, np.flatnonzero(np.abs(volume) <= THIN * area**1.5)))
     if len(none):
-        raise ValueError(f"the surface of the {_panels(none)} encloses no volume; give the body a thickness.")
+        raise BodyError("the surface of the {0} encloses no volume; give the body a thickness.", none)
     inward = np.flatnonzero(volume[component] < 0.0)
     if len(inward):
-        raise ValueError(
-            f"the normals of the {_panels(inward)} point into the body; reverse the order of their corners."
-        )
+        raise BodyError("the normals of the {0} point into the body; reverse the order of their corners.", inward)
     return component
 
 
@@ -429,15 +443,17 @@ def _check_half(nodes, panels):
     tolerance = ON_PLANE * np.ptp(nodes[np.unique(panels)], axis=0).max()
     beyond = np.flatnonzero(y.min(axis=1) < -tolerance)
     if len(beyond):
-        raise ValueError(
-            f"the {_panels(beyond)} of a symmetric half {agreed(len(beyond), 'goes', 'go')} through the plane y = 0 "
-            f"(down to y = {y.min():.3g} m); keep the half at y >= 0, or solve the whole body."
+        raise BodyError(
+            f"the {{0}} of a symmetric half {agreed(len(beyond), 'goes', 'go')} through the plane y = 0 "
+            f"(down to y = {y.min():.3g} m); keep the half at y >= 0, or solve the whole body.",
+            beyond,
         )
     within = np.flatnonzero(y.max(axis=1) <= tolerance)
     if len(within):
-        raise ValueError(
-            f"the {_panels(within)} of a symmetric half {agreed(len(within), 'lies', 'lie')} in the plane y = 0; leave "
-            f"{agreed(len(within), 'it', 'them')} out: the half is open there."
+        raise BodyError(
+            f"the {{0}} of a symmetric half {agreed(len(within), 'lies', 'lie')} in the plane y = 0; leave "
+            f"{agreed(len(within), 'it', 'them')} out: the half is open there.",
+            within,
         )
     return tolerance
 
@@ -474,7 +490,7 @@ def _found(nodes, panels, edges, sides, turn, downstream):
     way = _unit(way - np.einsum("esk,esk->es", way, along)[:, :, None] * along)
     rows = rows[np.all(way @ _unit(downstream[None])[0] > AFT, axis=1)]
     if not len(rows):
-        raise ValueError(
+        raise BodyError(
             "the body has no trailing edge: no edge is sharper than "
             f"{SHARP:g} degrees with both panels upstream of it; name the pairs of nodes, or none for a body without "
             "lift."
@@ -501,12 +517,12 @@ def _followed(ends):
 
 
 def _given(trailing_edges, edges, sides, turn):
-    """Rows of the edges that are given as pairs of nodes; ValueError where they cannot be trailing edges."""
+    """Rows of the edges that are given as pairs of nodes; BodyError where they cannot be trailing edges."""
     pairs = np.asarray(trailing_edges)
     if pairs.size == 0:
         return np.zeros(0, dtype=int)
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.issubdtype(pairs.dtype, np.integer):
-        raise ValueError("trailing edges must be pairs of nodes (t,2); correct the array.")
+        raise BodyError("trailing edges must be pairs of nodes (t,2); correct the array.")
     ends = np.sort(pairs, axis=1)
     distinct, first, which = distinct_pairs(np.concatenate([np.sort(edges, axis=1), ends]))
     of = np.full(len(distinct), -1)
@@ -515,30 +531,31 @@ def _given(trailing_edges, edges, sides, turn):
     none = np.flatnonzero(rows < 0)
     if len(none):
         a, b = 1 + pairs[none[0]]
-        raise ValueError(
+        raise BodyError(
             f"the trailing edge{listed(1 + none)} {agreed(len(none), 'is', 'are')} no edge of a panel (the first "
             f"between nodes {a} and {b}); name two corners of a panel that follow each other."
         )
     _, first, same = np.unique(rows, return_index=True, return_inverse=True)
     again = np.flatnonzero(first[same] != np.arange(len(rows)))
     if len(again):
-        raise ValueError(
+        raise BodyError(
             f"the trailing edge{listed(1 + again)} {agreed(len(again), 'stands', 'stand')} twice (the first is number "
             f"{1 + first[same[again[0]]]} again); name each once."
         )
     alone = np.flatnonzero(sides[rows, 1] < 0)
     if len(alone):
-        raise ValueError(
-            f"the trailing edge{listed(1 + alone)} (at the {_panels(sides[rows[alone], 0])}) {_has(alone)} a panel on "
-            "one side only, in the plane of symmetry; leave it out."
+        raise BodyError(
+            f"the trailing edge{listed(1 + alone)} (at the {{0}}) {_has(alone)} a panel on "
+            "one side only, in the plane of symmetry; leave it out.",
+            sides[rows[alone], 0],
         )
     blunt = np.flatnonzero(turn[rows] < SHARP)
     if len(blunt):
-        one, other = 1 + sides[rows[blunt[0]]]
-        raise ValueError(
+        raise BodyError(
             f"the trailing edge{listed(1 + blunt)} {_has(blunt)} both panels on one side of the sheet (normals of "
-            f"panels {one} and {other} turn by {turn[rows[blunt[0]]]:.3g} degrees); name edges where upper and lower "
-            "side meet."
+            f"{{0}} turn by {turn[rows[blunt[0]]]:.3g} degrees); name edges where upper and lower "
+            "side meet.",
+            sides[rows[blunt[0]]],
         )
     return rows
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from interface.mirror import MIRROR
 
-from .profiles import Profile, uniform
+from .profiles import uniform
 
 TIPS = ("flat", "round")
 SPANWISE = ("uniform", "cosine")
@@ -288,13 +288,12 @@ class BoxWing:
         k = len(found)
         return Stations(point, np.full(k, self.chord), np.zeros(k), found[:, 2])
 
-    def surface(self, profile: Profile, panels: int, spacing: str = "cosine", growth: float = 0.05) -> ClosedSurface:
-        """The closed ring with `panels` round each profile, its upper side outside; ValueError where a profile is
+    def surface(self, points: np.ndarray) -> ClosedSurface:
+        """The closed ring of a profile with `points` (n,2), its upper side outside; ValueError where the profile is
         thicker than the corners allow.
 
         It is its own mirror image in y = 0 to the last bit.
         """
-        points = profile.points(panels, spacing, growth)
         if -self.chord * points[:, 1].min() >= self.radius:
             raise ValueError("the corners are rounder than the profile is thick inside; take a larger radius.")
         right = self.line().sections(points)
@@ -307,4 +306,4 @@ class BoxWing:
         quads = _strips(ring, 0).reshape(-1, n, 4)
         quads[k - 1 :] = np.roll(quads[k - 1 :], -1, axis=2)
         trailing = np.column_stack([ring[:-1, 0], ring[1:, 0]])
-        return ClosedSurface(sections.reshape(-1, 3), quads.reshape(-1, 4), trailing, profile.remarks)
+        return ClosedSurface(sections.reshape(-1, 3), quads.reshape(-1, 4), trailing)
