@@ -130,23 +130,23 @@ def source_velocities(near, points):
     return total / FOUR_PI
 
 
-def strip_velocities(a, b, direction, points, core=0.0):
+def strip_velocities(strips, points, core=0.0):
     """Gradients (3,n) [1/m] of the potentials of unit doublets on semi-infinite strips; arguments as there."""
+    a, b, direction = strips[:3], strips[3:6], strips[6:9]
     start, end = b - points, a - points
     edges = _half_line(end, direction, core) - _half_line(start, direction, core)
     return (_segment(start, end, a - b, core) + edges) / FOUR_PI
 
 
-def strip_potentials(a, b, direction, points):
+def strip_potentials(strips, points):
     """Potentials (n,) of unit doublets on semi-infinite strips with the corners b, a, a + L d, b + L d, L -> infinity,
-    at points, one of each a pair: `a`, `b`, `points` (3,n), unit `direction` d (3,n).
+    at `points` (3,n), one of each a pair; `strips` (16,n): a, b, unit d, normal a - b x d (3 each) and its length.
 
     The solid angle of the spherical triangle of b, a and d.
     """
-    normal = np.cross(a - b, direction, axis=0)
-    a, b = a - points, b - points
+    a, b, direction = strips[:3] - points, strips[3:6] - points, strips[6:9]
     ra, rb = np.sqrt(dot(a, a)), np.sqrt(dot(b, b))
-    height = dot(b, normal)
+    height = dot(b, strips[9:12])
     below = ra * rb + dot(a, b) + dot(a, direction) * rb + dot(b, direction) * ra
-    flat = np.abs(height) <= SNAP * (ra + rb) * np.sqrt(dot(normal, normal))
+    flat = np.abs(height) <= SNAP * (ra + rb) * strips[12]
     return np.where(flat, 0.0, 2.0 * np.arctan2(height, below)) / FOUR_PI

@@ -10,7 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from . import kernels
+from interface.vectors import cross
+
 from .exact import (
     FOUR_PI,
     doublet_velocities,
@@ -20,7 +21,7 @@ from .exact import (
     strip_velocities,
 )
 from .geometry import PanelGeometry
-from .kernels import compiled
+from .kernels import call, compiled
 
 __all__ = [
     "FAR",
@@ -83,7 +84,10 @@ def _influence(geometry, points, strengths, mirrored, own, out, far, threads, ke
     if library is None:
         _influence_in_numpy(geometry, points, far, values, columns, out, potential, threads)
     else:
-        kernels.influence(library, geometry, points, far, values, columns, out, potential, threads)
+        count = 0 if columns is None else columns.shape[1]
+        tables = np.ascontiguousarray(geometry.near), np.ascontiguousarray(geometry.far), values
+        panels = len(geometry.area), points, len(points), far, columns, count
+        call(library, "panel_potentials", *tables, *panels, out, potential, threads)
     return out, potential[:, 0] if potential is not None and np.ndim(strengths) == 1 else potential
 
 
@@ -162,54 +166,76 @@ def _quadratic(t, x, y, z):
     return x * (t[0] * x + 2.0 * (t[3] * y + t[4] * z)) + y * (t[1] * y + 2.0 * t[5] * z) + t[2] * z * z
 
 
-def wake_matrix(a, b, direction, points, mirrored=False):
+def _strips(a, b, direction):
+    """Table (w,16) of strips: a, b, direction, normal a - b x direction (3 each), length of the normal, nothing (3)."""
+    a, b = np.asarray(a, dtype=float).reshape(-1, 3), np.asarray(b, dtype=float).reshape(-1, 3)
+    table = np.zeros((len(a), 16))
+    table[:, :3], table[:, 3:6], table[:, 6:9] = a, b, direction
+    table[:, 9:12] = cross(a - b, table[:, 6:9])
+    table[:, 12] = np.linalg.norm(table[:, 9:12], axis=1)
+    return table
+
+
+def wake_matrix(a, b, direction, points, mirrored=False, threads=None, kernel=None):
     """Potentials of unit doublets on w semi-infinite wake strips at p points: (p,w).
 
     The strips leave their trailing edges from `a` (w,3) to `b` (w,3) m along the unit vector `direction` (3,), or (w,3)
     one each; their corners are b, a, a + L d, b + L d, counter-clockwise seen from where their normal points.
     """
-    points = _points(points, mirrored)
-    a, b = (np.asarray(v, dtype=float).T[:, None, :] for v in (a, b))
-    direction = np.broadcast_to(np.asarray(direction, dtype=float), (a.shape[2], 3)).T[:, None, :]
-    out = np.empty((len(points), a.shape[2]))
+    points, strips = _points(points, mirrored), _strips(a, b, direction)
+    out = np.empty((len(points), len(strips)))
+    library, threads = compiled(kernel), thread_count(threads)
+    if library is not None:
+        call(library, "strip_potentials", strips, len(strips), points, len(points), out, threads)
+        return out
+    columns = np.ascontiguousarray(strips.T)[:, None, :]
 
     def rows(part):
-        out[part] = strip_potentials(a, b, direction, points[part].T[:, :, None])
+        out[part] = strip_potentials(columns, points[part].T[:, :, None])
 
-    _over_rows(rows, len(points), a.shape[2], 1)
+    _over_rows(rows, len(points), len(strips), threads)
     return out
 
 
-def induced_velocity(geometry, points, sources, doublets, mirrored=False, core=0.0, threads=None):
+def induced_velocity(geometry, points, sources, doublets, mirrored=False, core=0.0, threads=None, kernel=None):
     """Velocity (p,3) [m/s] at points off the panels of source densities (m,) [m/s] and doublets (m,) [m^2/s], exact.
 
     With a `core` m the velocity of a doublet panel falls to zero within about this distance of its edges; without, it
     is singular there, and zero on the edges themselves.
     """
-    points, near = _points(points, mirrored), np.ascontiguousarray(geometry.near.T)[:, None, :]
-    out = np.empty((len(points), 3))
+    points, out = _points(points, mirrored), np.empty((len(points), 3))
+    sources, doublets = (np.ascontiguousarray(s, dtype=float) for s in (sources, doublets))
+    library, threads, count = compiled(kernel), thread_count(threads), len(geometry.area)
+    if library is not None:
+        tables = np.ascontiguousarray(geometry.near), sources, doublets
+        call(library, "panel_velocities", *tables, count, points, len(points), core, out, threads)
+        return _points(out, mirrored)
+    near = np.ascontiguousarray(geometry.near.T)[:, None, :]
 
     def rows(part):
         at = points[part].T[:, :, None]
         out[part] = np.einsum("kpm,m->pk", doublet_velocities(near, at, core), doublets)
         out[part] += np.einsum("kpm,m->pk", source_velocities(near, at), sources)
 
-    _over_rows(rows, len(points), 4 * len(geometry.area), thread_count(threads))
+    _over_rows(rows, len(points), 4 * count, threads)
     return _points(out, mirrored)
 
 
-def wake_velocity(a, b, direction, strengths, points, mirrored=False, core=0.0, threads=None):
+def wake_velocity(a, b, direction, strengths, points, mirrored=False, core=0.0, threads=None, kernel=None):
     """Velocity (p,3) [m/s] at points of doublets (w,) [m^2/s] on semi-infinite wake strips; see `wake_matrix`."""
-    points = _points(points, mirrored)
-    a, b = (np.asarray(v, dtype=float).T[:, None, :] for v in (a, b))
-    direction = np.broadcast_to(np.asarray(direction, dtype=float), (a.shape[2], 3)).T[:, None, :]
-    out = np.empty((len(points), 3))
+    points, strips, out = _points(points, mirrored), _strips(a, b, direction), np.empty((len(points), 3))
+    strengths = np.ascontiguousarray(strengths, dtype=float)
+    library, threads, count = compiled(kernel), thread_count(threads), len(strips)
+    if library is not None:
+        call(library, "strip_velocities", strips, strengths, count, points, len(points), core, out, threads)
+        return _points(out, mirrored)
+    columns = np.ascontiguousarray(strips.T)[:, None, :]
 
     def rows(part):
-        velocities = strip_velocities(a, b, direction, points[part].T[:, :, None], core)
+        velocities = strip_velocities(columns, points[part].T[:, :, None], core)
         out[part] = np.einsum("kpm,m->pk", velocities, strengths)
 
-    _over_rows(rows, len(points), 4 * a.shape[2], thread_count(threads))
+    _over_rows(rows, len(points), 4 * count, threads)
     return _points(out, mirrored)
 
 

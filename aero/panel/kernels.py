@@ -1,4 +1,4 @@
-"""The compiled kernels (kernels.c), where they were compiled when the project was installed."""
+"""The compiled kernels (potentials.c, velocities.c), where they were compiled when the project was installed."""
 
 import ctypes
 import os
@@ -11,7 +11,13 @@ from pathlib import Path
 import numpy as np
 
 CARRIED = "_kernels.so"  # what FMUs call the library, which is that of 64-bit Linux
-_DOUBLES = ctypes.c_void_p
+_ARRAY, _COUNT, _NUMBER = ctypes.c_void_p, ctypes.c_long, ctypes.c_double
+SIGNATURES = {
+    "panel_potentials": [*[_ARRAY] * 3, _COUNT, _ARRAY, _COUNT, _NUMBER, _ARRAY, _COUNT, _ARRAY, _ARRAY, _COUNT],
+    "strip_potentials": [_ARRAY, _COUNT, _ARRAY, _COUNT, _ARRAY, _COUNT],
+    "panel_velocities": [*[_ARRAY] * 3, _COUNT, _ARRAY, _COUNT, _NUMBER, _ARRAY, _COUNT],
+    "strip_velocities": [_ARRAY, _ARRAY, _COUNT, _ARRAY, _COUNT, _NUMBER, _ARRAY, _COUNT],
+}
 
 
 @cache
@@ -25,10 +31,8 @@ def _library():
             library = ctypes.CDLL(str(path if path.is_file() else _kept(path)))
         except OSError:
             continue
-        library.panel_influence.argtypes = [
-            *(_DOUBLES, _DOUBLES, _DOUBLES, ctypes.c_long, _DOUBLES, ctypes.c_long, ctypes.c_double),
-            *(_DOUBLES, ctypes.c_long, _DOUBLES, _DOUBLES, ctypes.c_long),
-        ]
+        for name, types in SIGNATURES.items():
+            getattr(library, name).argtypes = types
         return library
     return None
 
@@ -58,20 +62,11 @@ def compiled(kernel=None):
     return library
 
 
-def _address(array):
-    return None if array is None else array.ctypes.data
+def call(library, name, *given):
+    """Calls a function of the library with arrays, None for one that is not there, and numbers.
 
-
-def influence(library, geometry, points, reach, own, strengths, doublets, potential, threads):
-    """Adds to `doublets` (p,m) and sets `potential` (p,k) of `strengths` (m,k), each unless None; C-contiguous all.
-
-    MemoryError where there is too little of it.
+    Arrays are of 64-bit numbers and C-contiguous. MemoryError where a thread gets no room.
     """
-    near, far = (np.ascontiguousarray(table) for table in (geometry.near, geometry.far))
-    failed = library.panel_influence(
-        *(_address(near), _address(far), _address(own), len(near), _address(points), len(points), reach),
-        *(_address(strengths), 0 if strengths is None else strengths.shape[1], _address(doublets)),
-        *(_address(potential), threads),
-    )
-    if failed:
-        raise MemoryError("no memory is left for the sums of the panels' influence")
+    values = (x.ctypes.data if isinstance(x, np.ndarray) else x for x in given)
+    if getattr(library, name)(*values):
+        raise MemoryError("No memory is left for the sums of the panels' influence.")

@@ -1,60 +1,20 @@
-/* Influence of panels on points, compiled: the formulas of exact.py and influence.py.
+/* Potentials of panels and of wake strips at points. */
 
-   A thread takes blocks of points, which are the same for any number of threads, and all sums run in the order of the
-   panels: results do not depend on how many there are. Within a block the points are the lanes of vectors. */
+#include "kernels.h"
 
-#include <pthread.h>
-#include <stdatomic.h>
-#include <stdlib.h>
-
-#include "elementary.h"
-
-#define EXPORT __attribute__((visibility("default")))
-#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GLIBC__) && !defined(__clang__)
-#define FOR_EACH_PROCESSOR __attribute__((target_clones("default", "avx2", "avx512f"), optimize("O3")))
-#else
-#define FOR_EACH_PROCESSOR
-#endif
-
-enum { LANES = 64, TILE = 16, WIDTH = 8, NEAR = 48, FAR = 24 };
-
-static const double FOUR_PI = 12.566370614359172, TINY = 1e-280, SNAP = 1e-14;
+enum { TILE = 16 }; /* panels whose values are kept before they are added to rows of the matrix */
 
 typedef struct {
-    double x[LANES], y[LANES], z[LANES];
-} Points;
+    const double *near, *far, *own, *strengths;
+    double *doublets, *potential, reach;
+    long panels, columns;
+} Panels;
 
 typedef struct {
-    const double *near, *far, *own, *points, *strengths;
-    double *doublets, *potential;
-    long panels, count, columns;
-    double reach;
-    atomic_long next;
-    atomic_int failed;
-} Task;
-
-/* Twice the arctangent; see _angle in exact.py. */
-INLINE double solid_angle(double height, double doubled, double scale, double empty, double a, double b, double c,
-                          double ab, double bc, double ca)
-{
-    double below = a * b * c + ab * c + bc * a + ca * b;
-    double angle = 2.0 * arctangent(height * doubled, empty > 0.0 ? 1.0 : below);
-    return fabs(height) <= SNAP * scale ? 0.0 : angle;
-}
-
-INLINE double edge_integral(double length, double a, double b, double ab, double distance2)
-{
-    double product = a * b, sum = a + b + length, square = sum * sum;
-    double along = product + ab, rest = product - ab;
-    double between = distance2 * (length * length) / (rest > TINY ? rest : TINY);
-    along = 2.0 * (ab > 0.0 ? along : between);
-    return logarithm((square > TINY ? square : TINY) / (along > TINY ? along : TINY));
-}
-
-INLINE double product(const double *v, double x, double y, double z)
-{
-    return v[0] * x + v[1] * y + v[2] * z;
-}
+    const double *strips;
+    double *out;
+    long count;
+} Strips;
 
 /* Potentials of the unit doublet and the unit source of one panel at WIDTH points; see pair_potentials in exact.py. */
 INLINE void exact(const double *n, const double *x, const double *y, const double *z, double *doublet, double *source,
@@ -149,8 +109,9 @@ INLINE void exact_where(const double *n, const int *near, const Points *at, doub
     }
 }
 
-/* All panels at the points first ... first + lanes - 1; sums (columns, LANES) are for the potentials. */
-INLINE void rows(Task *t, long first, int lanes, const Points *at, double *sums, int with_doublet, int with_source)
+/* All panels at the points of a block; `sums` (columns, LANES) are for the potentials. */
+INLINE void panel_rows(const Panels *t, long first, int lanes, const Points *at, double *sums, int with_doublet,
+                       int with_source)
 {
     double doublet[TILE][LANES], source[TILE][LANES];
     int near[LANES];
@@ -179,73 +140,57 @@ INLINE void rows(Task *t, long first, int lanes, const Points *at, double *sums,
             t->potential[(first + i) * t->columns + c] = sums[c * LANES + i];
 }
 
-FOR_EACH_PROCESSOR static void doublet_rows(Task *t, long first, int lanes, const Points *at, double *sums)
+FOR_EACH_PROCESSOR static void doublet_rows(const void *t, long first, int lanes, const Points *at, double *sums)
 {
-    rows(t, first, lanes, at, sums, 1, 0);
+    panel_rows(t, first, lanes, at, sums, 1, 0);
 }
 
-FOR_EACH_PROCESSOR static void source_rows(Task *t, long first, int lanes, const Points *at, double *sums)
+FOR_EACH_PROCESSOR static void source_rows(const void *t, long first, int lanes, const Points *at, double *sums)
 {
-    rows(t, first, lanes, at, sums, 0, 1);
+    panel_rows(t, first, lanes, at, sums, 0, 1);
 }
 
-FOR_EACH_PROCESSOR static void both_rows(Task *t, long first, int lanes, const Points *at, double *sums)
+FOR_EACH_PROCESSOR static void both_rows(const void *t, long first, int lanes, const Points *at, double *sums)
 {
-    rows(t, first, lanes, at, sums, 1, 1);
-}
-
-static void *work(void *given)
-{
-    Task *t = given;
-    double *sums = malloc(sizeof(double) * LANES * (size_t)(t->columns + 1));
-    long first;
-    if (!sums)
-        atomic_store(&t->failed, 1);
-    while (sums && (first = atomic_fetch_add(&t->next, LANES)) < t->count) {
-        Points at;
-        int lanes = t->count - first < LANES ? (int)(t->count - first) : LANES;
-        for (int i = 0; i < LANES; i++) {
-            const double *p = t->points + 3 * (first + (i < lanes ? i : lanes - 1));
-            at.x[i] = p[0];
-            at.y[i] = p[1];
-            at.z[i] = p[2];
-        }
-        if (t->columns && t->doublets)
-            both_rows(t, first, lanes, &at, sums);
-        else if (t->columns)
-            source_rows(t, first, lanes, &at, sums);
-        else
-            doublet_rows(t, first, lanes, &at, sums);
-    }
-    free(sums);
-    return NULL;
-}
-
-/* Runs work on the calling thread and as many others as can be had up to `threads` in all. */
-static void on_threads(void *(*work_)(void *), void *task, long threads)
-{
-    enum { MOST = 256 };
-    pthread_t others[MOST];
-    long started = 0, wanted = threads - 1 < MOST ? threads - 1 : MOST;
-    while (started < wanted && !pthread_create(&others[started], NULL, work_, task))
-        started++;
-    work_(task);
-    while (started > 0)
-        pthread_join(others[--started], NULL);
+    panel_rows(t, first, lanes, at, sums, 1, 1);
 }
 
 /* Adds potentials of unit doublets (points, panels) to `doublets` and sets `potential` (points, columns) of the source
-   strengths (panels, columns), each where it is given. `own`, where given, are those of a panel at the point of the same
-   number. 0, or 1 where memory is short. */
-EXPORT int panel_influence(const double *near, const double *far, const double *own, long panels, const double *points,
-                           long count, double reach, const double *strengths, long columns, double *doublets,
-                           double *potential, long threads)
+   strengths (panels, columns), each where it is given. `own`, where given, are the unit doublets' potentials at points of
+   the panel's own number. 0, or 1 where memory is short. */
+EXPORT int panel_potentials(const double *near, const double *far, const double *own, long panels, const double *points,
+                            long count, double reach, const double *strengths, long columns, double *doublets,
+                            double *potential, long threads)
 {
-    Task task = {.near = near, .far = far, .own = own, .points = points, .strengths = strengths, .doublets = doublets,
-                 .potential = potential, .panels = panels, .count = count, .columns = strengths ? columns : 0,
-                 .reach = reach};
-    atomic_init(&task.next, 0);
-    atomic_init(&task.failed, 0);
-    on_threads(work, &task, threads < (count + LANES - 1) / LANES ? threads : (count + LANES - 1) / LANES);
-    return atomic_load(&task.failed);
+    Panels task = {near, far, own, strengths, doublets, potential, reach, panels, strengths ? columns : 0};
+    Rows *rows = !strengths ? doublet_rows : doublets ? both_rows : source_rows;
+    return for_all_blocks(rows, &task, points, count, task.columns * LANES, threads);
+}
+
+/* Of all strips at the points of a block; see strip_potentials in exact.py. */
+FOR_EACH_PROCESSOR static void strip_rows(const void *given, long first, int lanes, const Points *at, double *value)
+{
+    const Strips *t = given;
+    for (long k = 0; k < t->count; k++) {
+        const double *s = t->strips + STRIP * k;
+        for (int i = 0; i < LANES; i++) {
+            double ax = s[0] - at->x[i], ay = s[1] - at->y[i], az = s[2] - at->z[i];
+            double bx = s[3] - at->x[i], by = s[4] - at->y[i], bz = s[5] - at->z[i];
+            double ra = sqrt(ax * ax + ay * ay + az * az), rb = sqrt(bx * bx + by * by + bz * bz);
+            double height = product(s + 9, bx, by, bz), ad = product(s + 6, ax, ay, az);
+            double bd = product(s + 6, bx, by, bz), ab = ax * bx + ay * by + az * bz;
+            double angle = 2.0 * arctangent(height, ra * rb + ab + ad * rb + bd * ra) / FOUR_PI;
+            value[i] = fabs(height) <= SNAP * (ra + rb) * s[12] ? 0.0 : angle;
+        }
+        for (int i = 0; i < lanes; i++)
+            t->out[(first + i) * t->count + k] = value[i];
+    }
+}
+
+/* Sets potentials of unit doublets on strips (points, strips). 0, or 1 where memory is short. */
+EXPORT int strip_potentials(const double *strips, long number, const double *points, long count, double *out,
+                            long threads)
+{
+    Strips task = {strips, out, number};
+    return for_all_blocks(strip_rows, &task, points, count, LANES, threads);
 }
