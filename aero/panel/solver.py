@@ -23,13 +23,14 @@ from interface import StepFailed
 
 from .bodies import Body
 from .influence import PanelGeometry, influence, memory_needed, source_potential
-from .wake import straight_wake
+from .velocities import unit
+from .wake import Wake, straight_wake
 
 # Residual over that of no doublets. Far below what the mesh leaves (1e-3) and what differences between coupling
 # iterations need (1e-8), far above rounding (1e-13 with 20 000 panels).
 TOLERANCE = 1e-10
-# Of the extent of a body: how far its nodes may be from a rigid motion of those that its matrix was made for. As rounding
-# leaves them; the answer is off by as much over the size of a panel.
+# Of the extent of a body: how far its nodes may be from a rigid motion of those that its matrix was made for. That is
+# what rounding leaves; the answer is off by as much over the size of a panel.
 RIGID = 1e-12
 # GMRES iterations that cost as much as new factors: panels over this, as measured from 500 to 10 000 panels.
 PANELS_PER_ITERATION = 250
@@ -38,9 +39,9 @@ FEWEST, MOST = 8, 60
 
 @dataclass(frozen=True, eq=False)
 class SolverState:
-    """What a solve leaves to the next: `doublets` (m,) m^2/s, a first guess; the `nodes` (n,3) m that the columns of the
-    body were made for; the `factored` nodes (n,3) m and `direction` (3,) of the wake of the factors; and the iterations
-    `spent` with these. It names what is kept beside it, so that it can be made again where it is not there.
+    """What a solve leaves to the next: `doublets` (m,) m^2/s, a first guess; the `nodes` (n,3) m that the columns of
+    the body were made for; the `factored` nodes (n,3) m and `direction` (3,) of the wake of the factors; and the
+    iterations `spent` with these. It names what is kept beside it, so that it can be made again where it is not there.
     """
 
     doublets: np.ndarray
@@ -104,21 +105,23 @@ class PanelSolver:
         self._factors: _Factors | None = None
         self._matrix: np.ndarray | None = None
 
-    def solve(self, nodes, onset, direction, state=None, wakes=straight_wake):
+    def solve(self, nodes, onset, direction, state=None, wake=None):
         """The `Solution` on `nodes` (n,3) m in the stream `onset`, (3,) m/s or (m,3) at each panel, with the wake along
-        the unit vector `direction` (3,), and the `SolverState` it leaves.
+        the unit vector `direction` (3,), straight or this `wake`, and the `SolverState` it leaves.
 
-        `wakes(body, nodes, direction)` is the `Wake`, of the nodes and the direction that it is asked for. StepFailed
-        in one sentence where there is no solution.
+        StepFailed in one sentence where there is no solution.
         """
         motion = None if state is None else rigid_motion(state.nodes, nodes, self._used, self.body.symmetric)
-        placed, turn = (nodes, np.eye(3)) if motion is None else (state.nodes, motion)
-        onset, direction = onset @ turn, _unit(direction @ turn)
+        placed = nodes if motion is None else state.nodes
+        if motion is not None and not motion.none:
+            onset, direction = onset @ motion.turn, unit(direction @ motion.turn)
+            wake = None if wake is None else Wake(motion.back(wake.sides), direction)
         old = state is not None and state.spent < self._worth
         key = (state.factored, state.direction) if old else (placed, direction)
         factors = self._factored(*key)
         columns = self._columned(placed)
-        system = self._system(columns, wakes(self.body, placed, direction), onset)
+        wake = straight_wake(self.body, placed, direction) if wake is None else wake
+        system = self._system(columns, wake, onset)
         right = system.wake @ system.stream - self._sources(columns, onset)
         start = np.zeros(len(right)) if state is None else state.doublets
         found = gmres(system, factors, right, start, TOLERANCE, self._worth if old else MOST)
@@ -150,8 +153,9 @@ class PanelSolver:
         columns = self._columned(nodes)
         lu = columns.matrix.astype(np.float32)
         wake = straight_wake(self.body, nodes, direction).potentials(columns.geometry.centre, self.body.symmetric)
-        np.add.at(lu, (slice(None), self._upper), wake)
-        np.subtract.at(lu, (slice(None), self._lower), wake)
+        for strip, (upper, lower) in enumerate(self.body.trailing[:, :2]):
+            lu[:, upper] += wake[:, strip]
+            lu[:, lower] -= wake[:, strip]
         factors, pivots, fault = lapack.sgetrf(lu.T, overwrite_a=True)
         if fault != 0:
             raise StepFailed("the equations of the panels are singular; the body is degenerate.")
@@ -165,11 +169,11 @@ class PanelSolver:
             return kept
         self._columns = None
         geometry = PanelGeometry.of(nodes, self.body.panels)
-        matrix, streams = self._buffer(), 0.0
+        matrix, streams = self._buffer(), np.zeros_like(geometry.centre)
         for mirrored in (False, True) if self.body.symmetric else (False,):
             at = geometry, geometry.centre, -geometry.normal
             _, found = influence(*at, mirrored=mirrored, out=matrix, own=not mirrored)
-            streams = streams + found
+            streams += found
         self._columns = _Columns(nodes, geometry, matrix, streams)
         return self._columns
 
@@ -266,34 +270,48 @@ def _cycle(operator, preconditioner, residual, left, limit, most):
         right = np.zeros(k + 2)
         right[0] = left
         y = np.linalg.lstsq(h[: k + 2, : k + 1], right, rcond=None)[0]
-        if np.linalg.norm(right - h[: k + 2, : k + 1] @ y) <= 0.5 * limit or h[k + 1, k] <= 1e-14 * np.abs(h[: k + 1, k]).max():
+        if (
+            np.linalg.norm(right - h[: k + 2, : k + 1] @ y) <= 0.5 * limit
+            or h[k + 1, k] <= 1e-14 * np.abs(h[: k + 1, k]).max()
+        ):
             break
         basis.append(new / h[k + 1, k])
     return np.einsum("k,km->m", y, np.array(along)), k + 1
 
 
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """x -> `turn` (x - `start`) + `end`, a rotation (3,3) about points (3,) m; `none`: not moved at all."""
+
+    turn: np.ndarray
+    start: np.ndarray
+    end: np.ndarray
+    none: bool = False
+
+    def back(self, points):
+        """Where moved points (...,3) m were."""
+        return (points - self.end) @ self.turn + self.start
+
+
 def rigid_motion(reference, nodes, used, upright):
-    """The rotation (3,3) that takes `reference` (n,3) m, but for a shift, to `nodes` (n,3) m, of those that are `used`;
-    None where they have not moved rigidly. `upright` asks for one that leaves y alone.
+    """The `Motion` that takes `reference` (n,3) m to `nodes` (n,3) m, of those that are `used`; None where they have
+    not moved rigidly. `upright` asks for one that leaves y alone.
     """
     if np.array_equal(reference, nodes):
-        return np.eye(3)
+        return Motion(np.eye(3), np.zeros(3), np.zeros(3), none=True)
     a, b = reference[used], nodes[used]
-    centre_a, centre_b = a.mean(axis=0), b.mean(axis=0)
-    a, b = a - centre_a, b - centre_b
+    start, end = a.mean(axis=0), b.mean(axis=0)
+    a, b = a - start, b - end
     h = a.T @ b
     if upright:
         angle = np.arctan2(h[2, 0] - h[0, 2], h[0, 0] + h[2, 2])
         c, s = np.cos(angle), np.sin(angle)
-        turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-        shifted = abs(centre_b[1] - centre_a[1])
+        turn, sideways = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]), abs(end[1] - start[1])
     else:
         u, _, vt = np.linalg.svd(h)
-        flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-        turn = (vt.T * flip) @ u.T
-        shifted = 0.0
-    off = max(np.abs(b - a @ turn.T).max(), shifted)
-    return turn if off <= RIGID * np.ptp(a, axis=0).max() else None
+        turn, sideways = (vt.T * [1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ u.T, 0.0
+    off = max(np.abs(b - a @ turn.T).max(), sideways)
+    return Motion(turn, start, end) if off <= RIGID * np.ptp(a, axis=0).max() else None
 
 
 def check_memory(panels):
@@ -318,7 +336,3 @@ def free_memory():
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, OSError, ValueError):
         return None
-
-
-def _unit(v):
-    return v / np.linalg.norm(v)

@@ -52,13 +52,15 @@ class Stencils:
         first = csr_array((np.ones(len(smooth.panel)), smooth.panel, smooth.start), shape=(count, count))
         around = first + first @ first
         beside = _beside(body, rows)
-        found = cls(rows, *_padded(around[rows], rows), np.zeros(len(rows), bool), beside)
+        neighbours, present = _padded(around[rows], rows)
+        found = cls(rows, neighbours, present, np.zeros(len(rows), bool), beside)
         short = rows[~(_flatness(_tangent_coordinates(found, centre, normal)[0], found.present) > THIN)]
         if len(short):
             crossing = _adjacency(body.sides[body.creases], count)
             wide = csr_array((np.ones(len(short)), (short, short)), shape=(count, count))
             around = around + wide @ (crossing + crossing @ first)
-            found = cls(rows, *_padded(around[rows], rows), np.zeros(len(rows), bool), beside)
+            neighbours, present = _padded(around[rows], rows)
+            found = replace(found, neighbours=neighbours, present=present)
         return replace(found, quadratic=found._determined(centre, normal))
 
     def _determined(self, centre, normal):
