@@ -620,6 +620,8 @@ def _neighbours(count, sides, folds):
 def _strips(sides, of_panel, trailing, rows):
     """Panels (t) of every strip; see Body. All strips are walked at once."""
     t = len(rows)
+    if not t:
+        return ()
     quad = np.all(of_panel >= 0, axis=1)
     wake = np.zeros(len(sides), dtype=bool)
     wake[rows] = True
