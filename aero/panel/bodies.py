@@ -297,7 +297,7 @@ class Half:
 
     def whole_strips(self, jumps):
         """Jumps of the potential at the trailing edges (s,) of the half, upper less lower, at those of the whole."""
-        return self.sign * jumps[self.of_strip]
+        return self.sign * np.append(jumps, 0.0)[self.of_strip]
 
 
 def _strip_images(whole, image, rows, strips):
