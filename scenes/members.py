@@ -173,6 +173,12 @@ class Members:
         return tuple(n for group in self.chains for n in group.names)
 
 
+def rigid_members(nodes: np.ndarray) -> Members:
+    """Of a scene without a structure: the nodes (n,3) m of its wing, all of them held, and no element."""
+    mass, labels = np.zeros(len(nodes)), tuple(str(i + 1) for i in range(len(nodes)))
+    return Members(nodes, np.ones((len(nodes), 3), bool), labels, (), _NONE, mass, mass)
+
+
 @dataclass(frozen=True, eq=False)
 class PointLoad:
     """A dead load that a scene offers as parameter `name`, `start` N at first: on each of the `nodes` (k,) in its

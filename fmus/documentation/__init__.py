@@ -180,7 +180,8 @@ def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
     blocks = instance.blocks
     loads = [f"<code>{name}</code>" for name in LOADS if name in blocks]
     order = texts.TRANSIENT_EXCHANGE if scene.transient else texts.EXCHANGE
-    text = (order if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
+    order = order if scene.has_flow else texts.ALONE
+    text = (order if scene.has_structure else texts.RIGID).format(loads=", ".join(loads))
     if "trim_angle" in blocks and scene.pivot is not None:
         place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())
         pivot = html.escape(scene.members.labels[scene.pivot])

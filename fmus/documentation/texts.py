@@ -183,6 +183,11 @@ ALONE = """<h2>Without a flow</h2>
 <p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
 equilibrium under gravity, the pressures and point loads among the parameters, and what was set.</p>
 """
+RIGID = """<h2>Without a structure</h2>
+<p>The scene has no structural side: its wing is rigid, and the FMU an aerodynamic model by itself. Set parameters and
+step: the loads are those on the shape drawn. With a <code>displacement</code> of its nodes, of any structure or as a
+rigid rotation, they are those on the displaced shape.</p>
+"""
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
 pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the
 angle at which wind and weight leave no pitching moment in the wind given there. In another wind, or far from that

@@ -31,6 +31,9 @@ from .settings import offered_settings, setting, variant
 Check = Callable[[Any], Any]
 # Sections that a scene may do without.
 _OPTIONAL = ("membranes", "wing", "aero", "trim", "dynamics")
+# Settings and keys of [aero] that mean something to a rigid wing, and to lines.
+_RIGID_SETTINGS = ("panels_per_section", "scale", "variant")
+_OF_LINES = ("line_normal_drag", "line_friction")
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Description:
     offers: dict[str, Setting]
     chosen: dict[str, Any]
     choices: Choices
-    structure: StructureInput
+    structure: StructureInput | None
     membranes: MembranesInput | None
     wing: WingInput | None
     aero: AeroInput | None
@@ -130,6 +133,10 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
             f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
             "wing has a flow around its lines, or none)."
         )
+    rigid = not any(section in content or section in changes for section in ("structure", "membranes"))
+    if rigid:
+        _check_rigid(label, content, changes)
+        absent.add("structure")
     found: dict[str, Any] = {}
     for section in SECTIONS:
         given = content.get(section, {})
@@ -139,6 +146,9 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
         if not isinstance(given, dict):
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
         found[section] = _section(label, section, {**given, **changes.get(section, {})})
+    if rigid:
+        return found
+    _check_aero_of_structure(label, found)
     soft = [k for k in ("springs", "canopy", "tubes") if getattr(found["structure"], k) is not None]
     _check_membranes(label, found)
     if found["aero"] is not None and found["wing"] is None and soft:
@@ -150,6 +160,55 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
     if trim is not None and trim.lowest_deg >= trim.highest_deg:
         raise SceneError(f"{label}: [trim] highest_deg must be above lowest_deg; correct one of them.")
     return found
+
+
+def _check_rigid(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
+    """`SceneError` where a scene without a structure says what only a structure gives a meaning."""
+    given = {section: {**_keys(content, section), **changes.get(section, {})} for section in SECTIONS}
+    if "aero" not in content and "aero" not in changes:
+        raise SceneError(
+            f"{label} lacks what the scene is made of: [structure] with nodes, [membranes], or [wing] and [aero] of a "
+            "rigid wing; add it."
+        )
+    if "wing" not in content and "wing" not in changes:
+        raise SceneError(
+            f"{label} lacks a section [wing], whose flow [aero] is to describe, or [structure] with lines; add it."
+        )
+    why = "but there is no [structure], so that the wing is rigid and held"
+    for section, what in (("trim", "turns a kite"), ("dynamics", "moves a structure")):
+        if section in content or section in changes:
+            raise SceneError(f"{label}: [{section}] {what}, {why}; drop it or add [structure].")
+    if "struts" in given["wing"]:
+        raise SceneError(f"{label}: [wing] struts are nodes of a structure, {why}; drop the key or add [structure].")
+    for key in _OF_LINES:
+        if key in given["aero"]:
+            raise SceneError(f"{label}: [aero] {key} is that of lines, {why}; drop the key or add [structure].")
+    settings = content.get("settings", {})
+    for key in settings if isinstance(settings, dict) else ():
+        if key not in _RIGID_SETTINGS:
+            raise SceneError(
+                f"{label}: [settings.{key}] means nothing to a rigid wing, without [structure]; remove it."
+            )
+
+
+def _keys(content: Mapping[str, Any], section: str) -> Mapping[str, Any]:
+    given = content.get(section, {})
+    return given if isinstance(given, dict) else {}
+
+
+def _check_aero_of_structure(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where [aero] says what [structure] says."""
+    aero, structure = found["aero"], found["structure"]
+    if aero is None:
+        return
+    if aero.symmetric is not None:
+        raise SceneError(
+            f"{label}: [aero] symmetric is for scenes without [structure]; say it there, for structure and flow."
+        )
+    if aero.reference_point is not None and structure.pivot is not None:
+        raise SceneError(
+            f"{label}: [aero] reference_point stands beside [structure] pivot, which moments are about; drop it."
+        )
 
 
 def _check_membranes(label: str, found: Mapping[str, Any]) -> None:

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from interface.topology import agreed
 from structural.elements.membranes import Membranes, flat_patterns
 from structural.materials.membranes import LinearMembrane
 
-from ..builders.mesh import TriangleMesh, agreed, quadratic
+from ..builders.mesh import TriangleMesh, quadratic
 from ..builders.mesh_checks import check_closed, check_pattern, check_pressurised, check_supports
 from ..builders.patterns import fibre_angles, laid_flat, pattern_lengths, pattern_of_lengths, shortened
 from ..builders.topology import boundary_edges

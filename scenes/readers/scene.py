@@ -7,6 +7,7 @@ from typing import Any
 
 from ..builders.interface import (
     design_interface,
+    edges_interface,
     face_interface,
     grid_interface,
     lines_interface,
@@ -14,7 +15,7 @@ from ..builders.interface import (
     with_lines,
 )
 from ..interface import Interface
-from ..members import Members
+from ..members import Members, PointLoad, rigid_members
 from ..scene import Scene, Source
 from ..schema import SceneError, Setting
 from .description import Description, offered, read_description
@@ -35,13 +36,20 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     read = read_description(folder, settings or {})
     read = _scaled(folder, read)
     wind = _DOWNWIND if read.aero is None else read.aero.wind_direction
-    members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes)
-    struts = read_struts(folder, read, members)
     wing = read.wing
-    sections = None if wing is None else read_sections(folder, wing, wind)
-    loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
-    interface = _interface(read, members, struts, sections)
-    check_line_ends(folder, read.structure, members, loads, interface)
+    loads: tuple[PointLoad, ...] = ()
+    pivot = None
+    if read.structure is None:
+        sections = None if wing is None else read_sections(folder, wing, wind)
+        interface = _rigid_interface(read, sections)
+        members, struts = rigid_members(interface.nodes), interface.sections[:, [0, -1]]
+    else:
+        members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes)
+        struts = read_struts(folder, read, members)
+        sections = None if wing is None else read_sections(folder, wing, wind)
+        loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
+        interface = _interface(read, members, struts, sections)
+        check_line_ends(folder, read.structure, members, loads, interface)
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
@@ -67,7 +75,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
 
 
 def _scaled(folder: Path, read: Description) -> Description:
-    """With the reference area at the scale of the scene."""
+    """With the reference values of [aero] at the scale of the scene."""
     scale = read.choices.scale
     if scale <= 0.0:
         raise SceneError(f"{folder.name}/scene.toml: [settings.scale] must be above zero; it is {scale:g}.")
@@ -75,7 +83,16 @@ def _scaled(folder: Path, read: Description) -> Description:
         return read
     if read.wing is not None and read.aero.reference_area is None:
         raise SceneError(f"{folder.name}/scene.toml: [aero] lacks 'reference_area'; add it.")
-    return replace(read, aero=replace(read.aero, reference_area=(read.aero.reference_area or 1.0) * scale**2))
+    aero, point = read.aero, read.aero.reference_point
+    chord, span = (None if length is None else scale * length for length in (aero.reference_chord, aero.reference_span))
+    scaled = replace(
+        aero,
+        reference_area=(aero.reference_area or 1.0) * scale**2,
+        reference_chord=chord,
+        reference_span=span,
+        reference_point=None if point is None else tuple(scale * x for x in point),
+    )
+    return replace(read, aero=scaled)
 
 
 def _interface(read: Description, members: Members, struts: Any, sections: Table | None) -> Interface:
@@ -96,9 +113,15 @@ def _interface(read: Description, members: Members, struts: Any, sections: Table
     return with_lines(found, nodes, legs, diameter) if drag else found
 
 
+def _rigid_interface(read: Description, sections: Table | None) -> Interface:
+    """The interface mesh of a wing without a structure: strips between the rows of the table of sections."""
+    assert sections is not None
+    return edges_interface(*design_edges(sections, read.choices.scale), read.choices.panels_per_section)
+
+
 def _files(read: Description) -> tuple[str, ...]:
     """The files in the scene's folder that it is made of, for the chosen settings."""
-    tables = [getattr(read.structure, key) for key in _TABLES]
+    tables = [] if read.structure is None else [getattr(read.structure, key) for key in _TABLES]
     tables += [] if read.membranes is None else [read.membranes.mesh, read.membranes.profiles, read.membranes.patterns]
     tables += [] if read.wing is None else [read.wing.struts, read.wing.sections, read.wing.polars]
     return ("scene.toml", *(t for t in tables if t))
