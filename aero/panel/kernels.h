@@ -27,8 +27,8 @@ typedef struct {
 /* Does the work of a task for `lanes` points from the first on; `room` is its own. */
 typedef void Rows(const void *task, long first, int lanes, const Points *at, double *room);
 
-/* Calls `rows` for all blocks of `points` (count, 3) on up to so many threads, each with room for so many numbers. 0, or 1
-   where memory is short. */
+/* Calls `rows` for all blocks of `points` (count, 3) on up to so many threads, each with room for so many numbers.
+   0, or 1 where memory is short. */
 int for_all_blocks(Rows *rows, const void *task, const double *points, long count, long numbers, long threads);
 
 /* Twice the arctangent; see _angle in exact.py. */

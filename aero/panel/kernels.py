@@ -7,6 +7,7 @@ import sys
 import sysconfig
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,8 @@ def _library():
 
 def _kept(path):
     """A file in memory with what was read of the library before its folder was deleted. OSError if nothing was."""
-    content = __spec__.loader.get_data(str(path))
+    loader: Any = __spec__.loader
+    content = loader.get_data(str(path))
     file = os.memfd_create(path.name)  # stays open: the loader knows libraries by their names, and numbers return
     os.write(file, content)
     return f"/proc/self/fd/{file}"

@@ -156,8 +156,8 @@ FOR_EACH_PROCESSOR static void both_rows(const void *t, long first, int lanes, c
 }
 
 /* Adds potentials of unit doublets (points, panels) to `doublets` and sets `potential` (points, columns) of the source
-   strengths (panels, columns), each where it is given. `own`, where given, are the unit doublets' potentials at points of
-   the panel's own number. 0, or 1 where memory is short. */
+   strengths (panels, columns), each where it is given. `own`, where given, are the unit doublets' potentials at the
+   point of the panel's own number. 0, or 1 where memory is short. */
 EXPORT int panel_potentials(const double *near, const double *far, const double *own, long panels, const double *points,
                             long count, double reach, const double *strengths, long columns, double *doublets,
                             double *potential, long threads)
