@@ -13,6 +13,7 @@ from .interface import Interface
 from .members import Members, PointLoad
 from .schema import (
     AeroInput,
+    BodyInput,
     Choices,
     DynamicsInput,
     SceneError,
@@ -112,6 +113,7 @@ class Scene:
     pivot: int | None
     source: Source | None = field(repr=False, default=None)
     start: Start | None = field(repr=False, default=None)
+    body: BodyInput | None = None
 
     @property
     def folder(self) -> Path:
@@ -153,6 +155,11 @@ class Scene:
     def has_structure(self) -> bool:
         """Whether the scene has a structural side; without one its wing is rigid."""
         return self.structure is not None
+
+    @property
+    def has_wing(self) -> bool:
+        """Whether it has a wing or another body in the flow, not lines alone."""
+        return self.wing is not None or self.body is not None
 
     @property
     def symmetric(self) -> bool:
@@ -229,13 +236,16 @@ class Scene:
     @cached_property
     def wing_model(self) -> "AeroModel | None":
         """The model of the flow around the wing, None where the scene has no wing in a flow."""
-        if self.aero is None or self.wing is None:
+        if self.aero is None or not self.has_wing:
             return None
         from aero.methods import wing_model
         from aero.model import Wing
 
         options = {**self.aero.options, "camber": self.choices.camber_feedback == "on"}
         i, symmetric = self.interface, self.symmetric
+        if self.body is not None:
+            whole = Wing(i, options, symmetric, transient=self.transient, trailing_edges=i.trailing_edges)
+            return wing_model(self.aero.method, whole)
         of_strips = i.sections, i.fractions, self.strip_polars
         return wing_model(self.aero.method, Wing(i, options, symmetric, *of_strips, self.transient))
 
@@ -256,7 +266,7 @@ class Scene:
         from aero.methods import wing_loads
 
         on_panels: tuple[str, ...] = ("pressure",)
-        if self.aero is not None and self.wing is not None:
+        if self.aero is not None and self.has_wing:
             on_panels = wing_loads(self.aero.method, self.aero.options)
         panels = on_panels if len(self.interface.panels) else ()
         return (*panels, *(("line_load",) if len(self.interface.lines) else ()))
@@ -279,7 +289,7 @@ class Scene:
     def notes(self) -> list[str]:
         """What is worth a line of its tables in every run."""
         if self.structure is None:
-            return []
+            return list(self.interface.remarks)
         from .checks import bare_line_ends
 
         membranes = self.members.membranes

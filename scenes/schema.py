@@ -484,6 +484,7 @@ class BodyInput:
 SECTIONS = {
     "structure": StructureInput,
     "membranes": MembranesInput,
+    "body": BodyInput,
     "wing": WingInput,
     "aero": AeroInput,
     "trim": TrimInput,

@@ -2,6 +2,7 @@
 
 from aero.model import Option
 
+OF_BODIES = True
 OPTIONS = {
     "internal_pressure_coefficient": Option(0.0, minimum=-10.0, maximum=10.0),
     "wake": Option("straight", ("straight", "relaxed")),

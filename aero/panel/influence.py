@@ -1,8 +1,15 @@
 """Influence of panels and wake strips on points: matrices of doublets, potentials of sources, velocities.
 
 A panel further from a point than `far` times its size acts by its multipoles about its centre: area and second moments
-of area, and the first moments that a warped panel has; nearer ones act exactly, as two flat triangles. `mirrored` gives
-the influence of the image in the plane y = 0, whose strengths are those of the panels.
+of area, and the first moments that a warped panel has; nearer ones act exactly, as two flat triangles. What multipoles
+lack falls with the cube of the distance: at 5 sizes, the default, up to 1e-4 (source) and 2.5e-4 (doublet) of a flat
+convex panel's largest potential there, 1e-3 where it is warped by a tenth of its size. Errors of neighbours cancel, and
+the potentials of a closed body change by less than 1e-5 of the largest.
+
+`mirrored` gives the influence of the image in the plane y = 0, whose strengths are those of the panels. `threads` are
+as many as KITECOSIM_THREADS says or the process has cores, `kernel` is "compiled" or "numpy", where they are not given
+the first if it is there. A matrix that is used again (`out`, filled with zeros) saves the system fresh memory, which
+may cost more than the influence itself.
 """
 
 import os

@@ -32,16 +32,18 @@ TOLERANCE = 1e-10
 # Of the extent of a body: how far its nodes may be from a rigid motion of those that its matrix was made for. That is
 # what rounding leaves; the answer is off by as much over the size of a panel.
 RIGID = 1e-12
-# GMRES iterations that cost as much as new factors: panels over this, as measured from 500 to 10 000 panels.
-PANELS_PER_ITERATION = 250
-FEWEST, MOST = 8, 60
+# GMRES iterations that cost as much as new factors do, as measured from 600 to 10 000 panels (18 to 70), and those that
+# a solve with new ones needs. Factors are made anew when the old ones have cost as many more.
+WORTH, WITH_NEW = 40, 2
+MOST = 60  # with new factors
 
 
 @dataclass(frozen=True, eq=False)
 class SolverState:
     """What a solve leaves to the next: `doublets` (m,) m^2/s, a first guess; the `nodes` (n,3) m that the columns of
     the body were made for; the `factored` nodes (n,3) m and `direction` (3,) of the wake of the factors; and the
-    iterations `spent` with these. It names what is kept beside it, so that it can be made again where it is not there.
+    iterations `spent` with these beyond what new ones need. It names what is kept beside it, so that it can be made
+    again where it is not there.
     """
 
     doublets: np.ndarray
@@ -116,7 +118,7 @@ class PanelSolver:
         if motion is not None and not motion.none:
             onset, direction = onset @ motion.turn, unit(direction @ motion.turn)
             wake = None if wake is None else Wake(motion.back(wake.sides), direction)
-        old = state is not None and state.spent < self._worth
+        old = state is not None and state.spent < WORTH
         key = (state.factored, state.direction) if old else (placed, direction)
         factors = self._factored(*key)
         columns = self._columned(placed)
@@ -124,13 +126,13 @@ class PanelSolver:
         system = self._system(columns, wake, onset)
         right = system.wake @ system.stream - self._sources(columns, onset)
         start = np.zeros(len(right)) if state is None else state.doublets
-        found = gmres(system, factors, right, start, TOLERANCE, self._worth if old else MOST)
-        spent, fresh = (state.spent if old else 0) + found.iterations, not old
+        found = gmres(system, factors, right, start, TOLERANCE, WORTH if old else MOST)
+        spent, fresh = state.spent + max(found.iterations - WITH_NEW, 0) if old else 0, not old
         if old and not found.converged:
             key, fresh = (placed, direction), True
             factors = self._factored(*key)
             again = gmres(system, factors, right, found.x, TOLERANCE, MOST)
-            found, spent = replace(again, iterations=found.iterations + again.iterations), again.iterations
+            found, spent = replace(again, iterations=found.iterations + again.iterations), 0
         if not found.converged:
             raise StepFailed(
                 f"the strengths of the panels were not found in {found.iterations} GMRES iterations: the residual is "
@@ -138,11 +140,6 @@ class PanelSolver:
             )
         solution = Solution(found.x, system.jumps(found.x), found.iterations, found.residual, fresh)
         return solution, SolverState(found.x, placed, *key, spent)
-
-    @property
-    def _worth(self):
-        """GMRES iterations that cost as much as new factors."""
-        return int(np.clip(len(self.body.panels) // PANELS_PER_ITERATION, FEWEST, MOST))
 
     def _factored(self, nodes, direction):
         """Factors on nodes and wake direction, those that are there if they are of these."""

@@ -103,6 +103,14 @@ def face_interface(nodes, triangles):
     return Interface(nodes[used], corners[:, [0, 1, 2, 2]], weights, sections, CHORD_FRACTIONS)
 
 
+def body_interface(surface, scale):
+    """The interface of a rigid `ClosedSurface` at a scale: its own nodes, panels and trailing edges."""
+    sections = np.zeros((0, 3), dtype=int)
+    weights = sp.eye_array(len(surface.nodes), format="csr")
+    more = {"trailing_edges": surface.trailing_edges, "remarks": surface.remarks}
+    return Interface(scale * surface.nodes, surface.panels, weights, sections, CHORD_FRACTIONS, **more)
+
+
 def lines_interface(nodes):
     """The interface of a structure (n,3) m without a wing, to which `with_lines` adds all that it has."""
     none = np.zeros((0, 3))

@@ -50,6 +50,15 @@ def read_body(folder: Path, given: BodyInput) -> ClosedSurface:
     return _checked(where, surface)
 
 
+def files_of(folder: Path, given: BodyInput) -> list[str]:
+    """The files in the scene's folder that a body is made of: mesh, table of stations, coordinates of profiles."""
+    profiles = [] if given.profile is None else [given.profile]
+    if given.stations is not None:
+        profiles += read_table(folder / given.stations, STATIONS)["profile"]
+    files = [text for text in (given.mesh, given.stations) if text is not None]
+    return files + sorted({text for text in profiles if not NACA.fullmatch(text)})
+
+
 def _checked(where: str, surface: ClosedSurface, numbers: np.ndarray | None = None) -> ClosedSurface:
     """The surface with its trailing edges; `numbers` (m,) of its panels as elements of a file."""
     try:

@@ -6,12 +6,13 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from aero.methods import method_options, methods
+from aero.methods import method_options, methods, of_bodies
 from aero.model import Option
 
 from ..schema import (
     SECTIONS,
     AeroInput,
+    BodyInput,
     Choices,
     DynamicsInput,
     MembranesInput,
@@ -30,9 +31,10 @@ from .settings import offered_settings, setting, variant
 
 Check = Callable[[Any], Any]
 # Sections that a scene may do without.
-_OPTIONAL = ("membranes", "wing", "aero", "trim", "dynamics")
+_OPTIONAL = ("membranes", "body", "wing", "aero", "trim", "dynamics")
 # Settings and keys of [aero] that mean something to a rigid wing, and to lines.
 _RIGID_SETTINGS = ("panels_per_section", "scale", "variant")
+_BODY_SETTINGS = ("scale", "variant")
 _OF_LINES = ("line_normal_drag", "line_friction")
 
 
@@ -49,6 +51,7 @@ class Description:
     choices: Choices
     structure: StructureInput | None
     membranes: MembranesInput | None
+    body: BodyInput | None
     wing: WingInput | None
     aero: AeroInput | None
     trim: TrimInput | None
@@ -127,11 +130,12 @@ def read_description(folder: Path, settings: Mapping[str, Any]) -> Description:
 def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Name -> section, None where the scene has none."""
     absent = {section for section in _OPTIONAL if section not in content and section not in changes}
-    lacks = next((n for n, o in (("aero", "wing"), ("wing", "trim")) if n in absent and o not in absent), None)
+    needed = ("aero", "wing"), ("aero", "body"), ("wing", "trim")
+    lacks = next((n for n, o in needed if n in absent and o not in absent), None)
     if lacks:
         raise SceneError(
-            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
-            "wing has a flow around its lines, or none)."
+            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] and [body] need [aero]; a scene "
+            "without a wing has a flow around its lines, or none)."
         )
     rigid = not any(section in content or section in changes for section in ("structure", "membranes"))
     if rigid:
@@ -146,6 +150,7 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
         if not isinstance(given, dict):
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
         found[section] = _section(label, section, {**given, **changes.get(section, {})})
+    _check_method(label, found)
     if rigid:
         return found
     _check_aero_of_structure(label, found)
@@ -167,12 +172,14 @@ def _check_rigid(label: str, content: Mapping[str, Any], changes: Mapping[str, A
     given = {section: {**_keys(content, section), **changes.get(section, {})} for section in SECTIONS}
     if "aero" not in content and "aero" not in changes:
         raise SceneError(
-            f"{label} lacks what the scene is made of: [structure] with nodes, [membranes], or [wing] and [aero] of a "
-            "rigid wing; add it."
+            f"{label} lacks what the scene is made of: [structure] with nodes, [membranes], or [wing] or [body] and "
+            "[aero] of a rigid wing; add it."
         )
-    if "wing" not in content and "wing" not in changes:
+    there = [section for section in ("wing", "body") if section in content or section in changes]
+    if not there:
         raise SceneError(
-            f"{label} lacks a section [wing], whose flow [aero] is to describe, or [structure] with lines; add it."
+            f"{label} lacks a section [wing] or [body], whose flow [aero] is to describe, or [structure] with lines; "
+            "add it."
         )
     why = "but there is no [structure], so that the wing is rigid and held"
     for section, what in (("trim", "turns a kite"), ("dynamics", "moves a structure")):
@@ -185,10 +192,27 @@ def _check_rigid(label: str, content: Mapping[str, Any], changes: Mapping[str, A
             raise SceneError(f"{label}: [aero] {key} is that of lines, {why}; drop the key or add [structure].")
     settings = content.get("settings", {})
     for key in settings if isinstance(settings, dict) else ():
-        if key not in _RIGID_SETTINGS:
+        if key not in (_BODY_SETTINGS if there == ["body"] else _RIGID_SETTINGS):
             raise SceneError(
                 f"{label}: [settings.{key}] means nothing to a rigid wing, without [structure]; remove it."
             )
+
+
+def _check_method(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where the method for the flow is not one for what the scene has."""
+    body, wing, aero = (found[section] for section in ("body", "wing", "aero"))
+    if body is not None and found["structure"] is not None:
+        raise SceneError(
+            f"{label}: [body] is rigid and stands in a scene of its own; drop it, or [structure] and [membranes]."
+        )
+    if body is not None and wing is not None:
+        raise SceneError(f"{label} has a closed [body] and the sheet of a [wing]; drop one of them.")
+    if aero is None or (body is None and wing is None):
+        return
+    if of_bodies(aero.method) != (body is not None):
+        fits = ", ".join(f'"{name}"' for name in methods() if of_bodies(name) == (body is not None))
+        what = "[wing], a sheet of sections with polars," if body is None else "[body], a closed surface,"
+        raise SceneError(f'{label}: [aero] method "{aero.method}" is not for {what} as {fits} is; name another one.')
 
 
 def _keys(content: Mapping[str, Any], section: str) -> Mapping[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ..builders.interface import (
+    body_interface,
     design_interface,
     edges_interface,
     face_interface,
@@ -41,7 +42,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     pivot = None
     if read.structure is None:
         sections = None if wing is None else read_sections(folder, wing, wind)
-        interface = _rigid_interface(read, sections)
+        interface = _rigid_interface(folder, read, sections)
         members, struts = rigid_members(interface.nodes), interface.sections[:, [0, -1]]
     else:
         members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes)
@@ -70,7 +71,8 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         polars,
         loads,
         None if pivot is None else members.node(pivot, f"{folder.name}/scene.toml [structure] pivot"),
-        Source(folder, _files(read), read.offers),
+        Source(folder, _files(folder, read), read.offers),
+        body=read.body,
     )
 
 
@@ -81,7 +83,7 @@ def _scaled(folder: Path, read: Description) -> Description:
         raise SceneError(f"{folder.name}/scene.toml: [settings.scale] must be above zero; it is {scale:g}.")
     if read.aero is None:
         return read
-    if read.wing is not None and read.aero.reference_area is None:
+    if (read.wing is not None or read.body is not None) and read.aero.reference_area is None:
         raise SceneError(f"{folder.name}/scene.toml: [aero] lacks 'reference_area'; add it.")
     aero, point = read.aero, read.aero.reference_point
     chord, span = (None if length is None else scale * length for length in (aero.reference_chord, aero.reference_span))
@@ -113,16 +115,26 @@ def _interface(read: Description, members: Members, struts: Any, sections: Table
     return with_lines(found, nodes, legs, diameter) if drag else found
 
 
-def _rigid_interface(read: Description, sections: Table | None) -> Interface:
-    """The interface mesh of a wing without a structure: strips between the rows of the table of sections."""
+def _rigid_interface(folder: Path, read: Description, sections: Table | None) -> Interface:
+    """The interface mesh of a wing without a structure: the closed surface of [body], or strips between the rows of the
+    table of sections.
+    """
+    if read.body is not None:
+        from .bodies import read_body  # not loaded for scenes without
+
+        return body_interface(read_body(folder, read.body), read.choices.scale)
     assert sections is not None
     return edges_interface(*design_edges(sections, read.choices.scale), read.choices.panels_per_section)
 
 
-def _files(read: Description) -> tuple[str, ...]:
+def _files(folder: Path, read: Description) -> tuple[str, ...]:
     """The files in the scene's folder that it is made of, for the chosen settings."""
     tables = [] if read.structure is None else [getattr(read.structure, key) for key in _TABLES]
     tables += [] if read.membranes is None else [read.membranes.mesh, read.membranes.profiles, read.membranes.patterns]
+    if read.body is not None:
+        from .bodies import files_of
+
+        tables += files_of(folder, read.body)
     tables += [] if read.wing is None else [read.wing.struts, read.wing.sections, read.wing.polars]
     return ("scene.toml", *(t for t in tables if t))
 
