@@ -37,8 +37,9 @@ def _edge_integral(length, a, b, ab, distance2):
 def pair_potentials(near, points, doublet=True, source=True):
     """Potentials (n,) of unit doublet and of unit source density [m] of panels at points, one of each a pair.
 
-    `near` (48,n) as in PanelGeometry, `points` (3,n). The source's is -1/(4 pi) (sum d_k L_k - sum h Omega) with the
-    distance d_k of the edges within the plane of a triangle and the height h below it (Hess and Smith 1967).
+    `near` (48,n) as in PanelGeometry, `points` (3,n). The source's is -1/(4 pi) (sum d_k L_k - sum h Omega), of each
+    triangle times its share, with the distance d_k of the edges within the plane of a triangle and the height h below
+    it (Hess and Smith 1967).
     """
     a = [near[3 * k : 3 * k + 3] - points for k in range(4)]
     r = [np.sqrt(dot(v, v)) for v in a]
@@ -51,16 +52,17 @@ def pair_potentials(near, points, doublet=True, source=True):
     doublets = (angles[0] + angles[1]) / FOUR_PI if doublet else None
     if not source:
         return doublets, None
-    total = -heights[0] * angles[0] - heights[1] * angles[1]
+    one, other = near[45], near[46]
+    total = -one * heights[0] * angles[0] - other * heights[1] * angles[1]
     distances = [dot(a[first], near[20 + 3 * k : 23 + 3 * k]) for k, first in enumerate((0, 1, 2, 0, 2, 3))]
     squares = [distances[k] ** 2 + heights[k // 3] ** 2 for k in range(6)]
     squares[2] = np.maximum(squares[2], squares[3])  # the diagonal; a triangle without area knows no distance
     for weight, square, length, (i, j) in (
-        (distances[0], squares[0], near[38], (0, 1)),
-        (distances[1], squares[1], near[39], (1, 2)),
-        (distances[2] + distances[3], squares[2], near[40], (0, 2)),
-        (distances[4], squares[4], near[41], (2, 3)),
-        (distances[5], squares[5], near[42], (0, 3)),
+        (one * distances[0], squares[0], near[38], (0, 1)),
+        (one * distances[1], squares[1], near[39], (1, 2)),
+        (one * distances[2] + other * distances[3], squares[2], near[40], (0, 2)),
+        (other * distances[4], squares[4], near[41], (2, 3)),
+        (other * distances[5], squares[5], near[42], (0, 3)),
     ):
         total = total + weight * _edge_integral(length, r[i], r[j], products[i, j], square)
     return doublets, total / -FOUR_PI
@@ -109,8 +111,8 @@ def doublet_velocities(near, points, core=0.0):
 
 
 def source_velocities(near, points):
-    """Gradients (3,n) of the potentials of unit source densities: (sum nu_k L_k - sum n Omega) / (4 pi) with the
-    outward normals nu of the edges. `near` (48,n), `points` (3,n).
+    """Gradients (3,n) of the potentials of unit source densities: (sum nu_k L_k - sum n Omega) / (4 pi), of each
+    triangle times its share, with the outward normals nu of the edges. `near` (48,n), `points` (3,n).
     """
     a = [near[3 * k : 3 * k + 3] - points for k in range(4)]
     r = [np.sqrt(dot(v, v)) for v in a]
@@ -121,12 +123,13 @@ def source_velocities(near, points):
         height = dot(a[0], normal)
         sides = dot(a[i], a[j]), dot(a[j], a[k]), dot(a[k], a[i])
         angle = _angle(height, near[18 + t], r[0] + r[2], near[43 + t], r[i], r[j], r[k], *sides)
-        total = total - normal * angle
+        share = near[45 + t]
+        total = total - share * normal * angle
         for e, (b, c) in enumerate(((i, j), (j, k), (k, i))):
             outward = near[20 + 3 * (3 * t + e) : 23 + 3 * (3 * t + e)]
             length = near[(38, 39, 40, 40, 41, 42)[3 * t + e]]
             square = dot(a[b], outward) ** 2 + height**2
-            total = total + outward * _edge_integral(length, r[b], r[c], dot(a[b], a[c]), square)
+            total = total + share * outward * _edge_integral(length, r[b], r[c], dot(a[b], a[c]), square)
     return total / FOUR_PI
 
 

@@ -53,15 +53,16 @@ class PanelGeometry:
         if (empty := np.flatnonzero(~(projected > 1e-14 * size**2))).size:
             raise ValueError(f"Panel {empty[0]} has no area; remove it or set its corners apart.")
         normal = vector / projected[:, None]
-        split = _split(corners, normal)
-        doubled = np.stack([cross(split[:, b] - split[:, a], split[:, c] - split[:, a]) for a, b, c in TRIANGLES], 1)
-        areas = 0.5 * np.linalg.norm(doubled, axis=2)  # (m,2)
-        thirds = np.stack([split[:, t].mean(axis=1) for t in TRIANGLES], 1)
+        doubled = np.stack(
+            [cross(corners[:, b] - corners[:, a], corners[:, c] - corners[:, a]) for a, b, c in TRIANGLES], 1
+        )
+        areas = 0.5 * np.einsum("mtc,mc->mt", doubled, normal)
+        thirds = np.stack([corners[:, t].mean(axis=1) for t in TRIANGLES], 1)
         area = areas.sum(axis=1)
         centre = (areas[:, :, None] * thirds).sum(axis=1) / area[:, None]
         warp = np.abs(np.sum((corners[:, 1] - corners[:, 0]) * normal, axis=1))
-        near = _near(split, doubled, areas, size)
-        far = _far(split, centre, vector, area, areas, doubled, thirds, size)
+        near = _near(corners, doubled, areas, size)
+        far = _far(corners, centre, vector, area, areas, doubled, thirds, size)
         return cls(corners, centre, normal, area, size, warp, near, far)
 
     @cached_property
@@ -76,51 +77,44 @@ class PanelGeometry:
         return np.where(self.warp < FLAT * self.size, 0.5, inside)
 
 
-def _split(corners, normal):
-    """The corners (m,4,3), begun one later where the diagonal between the first and the third lies outside."""
-    triangles = [cross(corners[:, b] - corners[:, a], corners[:, c] - corners[:, a]) for a, b, c in TRIANGLES]
-    outside = np.min([np.sum(t * normal, axis=1) for t in triangles], axis=0) < -1e-14 * np.sum(
-        (corners[:, 2] - corners[:, 0]) ** 2, axis=1
-    )
-    return np.where(outside[:, None, None], np.roll(corners, -1, axis=1), corners)
-
-
-def _near(split, doubled, areas, size):
+def _near(corners, doubled, areas, size):
     """What the exact potentials need, (m,48): 12 coordinates of corners, unit normals of the two triangles (6), twice
     their areas (2), outward normals in the plane of the six edges (18), lengths of the edges but the second diagonal
-    (5), 1 for a triangle without area (2), nothing (3).
+    (5), 1 for a triangle without area (2), their areas across the panel's normal over their areas (2), nothing (1).
     """
-    near = np.zeros((len(split), 48))
-    near[:, :12] = split.reshape(-1, 12)
-    some = areas > 1e-14 * (size**2)[:, None]
-    unit = np.where(some[:, :, None], doubled, 0.0) / np.where(some, 2.0 * areas, 1.0)[:, :, None]
+    near = np.zeros((len(corners), 48))
+    near[:, :12] = corners.reshape(-1, 12)
+    own = 0.5 * np.linalg.norm(doubled, axis=2)
+    some = own > 1e-14 * (size**2)[:, None]
+    unit = np.where(some[:, :, None], doubled, 0.0) / np.where(some, 2.0 * own, 1.0)[:, :, None]
     near[:, 12:18] = unit.reshape(-1, 6)
-    near[:, 18:20] = np.where(some, 2.0 * areas, 0.0)
+    near[:, 18:20] = np.where(some, 2.0 * own, 0.0)
     lengths = []
     for k, (a, b) in enumerate(EDGES):
-        edge = split[:, b] - split[:, a]
+        edge = corners[:, b] - corners[:, a]
         length = np.linalg.norm(edge, axis=1)
         lengths.append(length)
         near[:, 20 + 3 * k : 23 + 3 * k] = cross(edge, unit[:, k // 3]) / np.where(length > 0.0, length, 1.0)[:, None]
     near[:, 38:43] = np.stack(lengths[:3] + lengths[4:], axis=1)
     near[:, 43:45] = ~some
+    near[:, 45:47] = np.where(some, areas, 0.0) / np.where(some, own, 1.0)
     return near
 
 
-def _far(split, centre, vector, area, areas, doubled, thirds, size):
+def _far(corners, centre, vector, area, areas, doubled, thirds, size):
     """What the multipoles about the centre need, (m,24): centre (3), area vector (3), area, second moments of area over
     the area (6) and their trace, symmetric first moments of the area vector (6) and their trace, square of the size,
     nothing (2).
     """
-    second, first = np.zeros((len(split), 3, 3)), np.zeros((len(split), 3, 3))
+    second, first = np.zeros((len(corners), 3, 3)), np.zeros((len(corners), 3, 3))
     for t, corner in enumerate(TRIANGLES):
         arm = thirds[:, t] - centre
-        from_third = split[:, corner] - thirds[:, t, None]
+        from_third = corners[:, corner] - thirds[:, t, None]
         spread = np.einsum("mki,mkj->mij", from_third, from_third) / 12.0
         second += areas[:, t, None, None] * (spread + arm[:, :, None] * arm[:, None, :])
         first += 0.5 * doubled[:, t, :, None] * arm[:, None, :]
     second /= area[:, None, None]
-    far = np.zeros((len(split), 24))
+    far = np.zeros((len(corners), 24))
     far[:, :3], far[:, 3:6], far[:, 6] = centre, vector, area
     for k, (i, j) in enumerate(SYMMETRIC):
         far[:, 7 + k] = second[:, i, j]

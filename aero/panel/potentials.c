@@ -39,12 +39,12 @@ INLINE void exact(const double *n, const double *x, const double *y, const doubl
             double d2 = product(n + 26, x2, y2, z2), d3 = product(n + 29, x0, y0, z0);
             double d4 = product(n + 32, x2, y2, z2), d5 = product(n + 35, x3, y3, z3);
             double first = d2 * d2 + h1 * h1, second = d3 * d3 + h2 * h2;
-            double total = -h1 * a1 - h2 * a2;
-            total += d0 * edge_integral(n[38], r0, r1, p01, d0 * d0 + h1 * h1);
-            total += d1 * edge_integral(n[39], r1, r2, p12, d1 * d1 + h1 * h1);
-            total += (d2 + d3) * edge_integral(n[40], r0, r2, p02, first > second ? first : second);
-            total += d4 * edge_integral(n[41], r2, r3, p23, d4 * d4 + h2 * h2);
-            total += d5 * edge_integral(n[42], r0, r3, p03, d5 * d5 + h2 * h2);
+            double one = n[45], other = n[46], total = -one * h1 * a1 - other * h2 * a2;
+            total += one * d0 * edge_integral(n[38], r0, r1, p01, d0 * d0 + h1 * h1);
+            total += one * d1 * edge_integral(n[39], r1, r2, p12, d1 * d1 + h1 * h1);
+            total += (one * d2 + other * d3) * edge_integral(n[40], r0, r2, p02, first > second ? first : second);
+            total += other * d4 * edge_integral(n[41], r2, r3, p23, d4 * d4 + h2 * h2);
+            total += other * d5 * edge_integral(n[42], r0, r3, p03, d5 * d5 + h2 * h2);
             source[i] = total / -FOUR_PI;
         }
     }

@@ -86,10 +86,11 @@ INLINE void source_velocity(const double *n, const double *x, const double *y, c
         double l1 = edge_integral(n[39], r1, r2, p12, d1 * d1 + h1 * h1);
         double l2 = edge_integral(n[40], r0, r2, p02, first > second ? first : second);
         double l4 = edge_integral(n[41], r2, r3, p23, d4 * d4 + h2 * h2);
-        double l5 = edge_integral(n[42], r0, r3, p03, d5 * d5 + h2 * h2), f = strength / FOUR_PI;
+        double l5 = edge_integral(n[42], r0, r3, p03, d5 * d5 + h2 * h2);
+        double one = strength * n[45] / FOUR_PI, other = strength * n[46] / FOUR_PI;
         for (int k = 0; k < 3; k++)
-            v[k][i] += f * (n[20 + k] * l0 + n[23 + k] * l1 + (n[26 + k] + n[29 + k]) * l2 + n[32 + k] * l4 +
-                            n[35 + k] * l5 - n[12 + k] * a1 - n[15 + k] * a2);
+            v[k][i] += one * (n[20 + k] * l0 + n[23 + k] * l1 + n[26 + k] * l2 - n[12 + k] * a1) +
+                       other * (n[29 + k] * l2 + n[32 + k] * l4 + n[35 + k] * l5 - n[15 + k] * a2);
     }
 }
 
