@@ -125,7 +125,8 @@ def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
         about=html.escape(scene.description),
         physics=html.escape(physics),
         drawing=drawing(scene, side, _arrow(instance)),
-        shown=of_structure if side == "structural" else texts.OF_FLOW,
+        panels=texts.PANELS if scene.body is None else texts.OUTLINE,
+        shown=of_structure if side == "structural" else texts.OF_FLOW if scene.body is None else "",
         settings=settings or "none",
     )
 

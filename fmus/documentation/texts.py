@@ -73,10 +73,13 @@ loggingOn, fmi2Terminated stays true, and the GUID is not compared."""
 MODEL = """<h2>What it models</h2>
 <p><b>{name}</b>. {about}</p>
 <p>{physics}</p>
-<figure>{drawing}<figcaption>The design shape in parallel views of one scale: panels of the interface, blue on the
-suction side and green on the other; {shown}.</figcaption></figure>
+<figure>{drawing}<figcaption>The design shape in parallel views of one scale: {panels}{shown}.</figcaption></figure>
 <p>Built with these settings: {settings}. They cannot be changed in the FMU.</p>
 """
+
+PANELS = """panels of the interface, blue on the
+suction side and green on the other; """
+OUTLINE = """outline and trailing edges of the closed body"""
 
 OF_STRUCTURE = """lines grey, springs dark blue"""
 OF_TUBES = """; tubes as thick as they are, the mesh inside the canopy left out"""
