@@ -78,7 +78,7 @@ class MembraneMesh:
 
     `group` the elements, whose `fabric` (e,) is one of the `fabrics`; `supports`, `pressures`; `seams` name of a group
     of lines -> sides (k,2) of triangles; `cables` names of the chains along lines; `remarks` what was changed when the
-    mesh was read.
+    mesh was read. Where they are those of a closed body, `skin` (b,) is the node of the structure at each of its nodes.
     """
 
     group: "Membranes"
@@ -89,6 +89,7 @@ class MembraneMesh:
     seams: dict[str, np.ndarray]
     cables: tuple[str, ...]
     remarks: tuple[str, ...]
+    skin: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from interface.line_drag import FRICTION, NORMAL_DRAG
 
 BODIES = ("wing", "box-wing", "mesh-file")
 PROFILE_SPACINGS = ("cosine", "geometric", "uniform")
-SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled")
+SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled", "body")
 INTEGRATION = ("implicit-euler", "generalised-alpha", "bdf2")
 
 
@@ -403,10 +403,11 @@ class MembranesInput:
     The mesh is a file `mesh`, with `unit` of its lengths (none: m), the cell data `groups` that say what groups its
     elements are in (none: those of its format), `drop_loose_nodes` and `parts_may_be_apart`; or it is made: a `shape`
     of sizes `size`, the `share` of it ("whole", ...), how quads are cut by `diagonals`, ends of a cylinder with `caps`,
-    and the table `profiles` of a ruled surface. `order` 1 or 2 of the triangles. `patterns` is a table of triangles
-    whose sides are cut in other lengths. `wrinkling`: folds instead of compression. `tie` m: nodes of the mesh this
-    near to one of the table of nodes are that node. `fabrics`, `pressures` and `cables` are tables by name, `supports`
-    groups with the directions that are held.
+    and the table `profiles` of a ruled surface. The shape "body" is the skin of [body], two triangles a panel, with
+    ribs; `attachments` are points of all ribs by name, on the lower side at a share of the chord. `order` 1 or 2 of the
+    triangles. `patterns` is a table of triangles whose sides are cut in other lengths. `wrinkling`: folds instead of
+    compression. `tie` m: nodes of the mesh this near to one of the table of nodes are that node. `fabrics`, `pressures`
+    and `cables` are tables by name, `supports` groups with the directions that are held.
     """
 
     mesh: File | None = None
@@ -420,6 +421,7 @@ class MembranesInput:
     diagonals: Annotated[str, OneOf(("crossed", "union-jack", "one-way", "shorter"))] = "crossed"
     caps: Flag = True
     profiles: File | None = None
+    attachments: Numbers = field(default_factory=dict)
     order: Annotated[int, Whole(1, 2)] = 1
     patterns: File | None = None
     wrinkling: Flag = True

@@ -103,12 +103,15 @@ def face_interface(nodes, triangles):
     return Interface(nodes[used], corners[:, [0, 1, 2, 2]], weights, sections, CHORD_FRACTIONS)
 
 
-def body_interface(surface, scale):
-    """The interface of a rigid `ClosedSurface` at a scale: its own nodes, panels and trailing edges."""
+def body_interface(surface, nodes, skin=None):
+    """The interface of a `ClosedSurface`: its panels and trailing edges on structural nodes (n,3) m, its own in their
+    order, or those `skin` (b,) that stand where its own do.
+    """
+    at = np.arange(len(nodes)) if skin is None else skin
+    weights = sp.csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(nodes)))
     sections = np.zeros((0, 3), dtype=int)
-    weights = sp.eye_array(len(surface.nodes), format="csr")
     more = {"trailing_edges": surface.trailing_edges, "remarks": surface.remarks}
-    return Interface(scale * surface.nodes, surface.panels, weights, sections, CHORD_FRACTIONS, **more)
+    return Interface(nodes[at], surface.panels, weights, sections, CHORD_FRACTIONS, **more)
 
 
 def lines_interface(nodes):

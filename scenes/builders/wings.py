@@ -21,13 +21,16 @@ AXIS = 0.25  # share of the chord where the points of stations lie
 @dataclass(frozen=True, eq=False)
 class ClosedSurface:
     """A closed body: `nodes` (n,3) m, `panels` (m,4) whose normals point outward (a triangle repeats its last node),
-    `trailing_edges` (t,2) pairs of nodes, None where they are to be found; `remarks` on what was changed.
+    `trailing_edges` (t,2) pairs of nodes, None where they are to be found; `remarks` on what was changed. Of a lofted
+    wing `sections` (k,p) are the nodes round its profiles from tip to tip, each from the trailing edge over the upper
+    side to the nose and back.
     """
 
     nodes: np.ndarray
     panels: np.ndarray
     trailing_edges: np.ndarray | None
     remarks: tuple[str, ...] = ()
+    sections: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +182,7 @@ def _closed(sections, left, tip, tip_strips, remarks):
     nodes.append(left_nodes * image)
     panels += [right, _turned_over(other)]
     trailing = np.column_stack([rows[:-1, 0], rows[1:, 0]])
-    return ClosedSurface(np.concatenate(nodes), np.concatenate(panels), trailing, remarks)
+    return ClosedSurface(np.concatenate(nodes), np.concatenate(panels), trailing, remarks, rows)
 
 
 def _strips(rows, left):

@@ -201,9 +201,11 @@ def _check_rigid(label: str, content: Mapping[str, Any], changes: Mapping[str, A
 def _check_method(label: str, found: Mapping[str, Any]) -> None:
     """`SceneError` where the method for the flow is not one for what the scene has."""
     body, wing, aero = (found[section] for section in ("body", "wing", "aero"))
-    if body is not None and found["structure"] is not None:
+    skin = found["membranes"] is not None and found["membranes"].shape == "body"
+    if body is not None and found["structure"] is not None and not skin:
         raise SceneError(
-            f"{label}: [body] is rigid and stands in a scene of its own; drop it, or [structure] and [membranes]."
+            f"{label}: [body] is rigid and stands in a scene of its own; drop it, or [structure], or let [membranes] "
+            'be its skin (shape = "body").'
         )
     if body is not None and wing is not None:
         raise SceneError(f"{label} has a closed [body] and the sheet of a [wing]; drop one of them.")
@@ -246,10 +248,15 @@ def _check_membranes(label: str, found: Mapping[str, Any]) -> None:
         raise SceneError(
             f"{label}: [membranes] have no dynamics yet; drop [dynamics] and solve for the static equilibrium."
         )
-    if found["aero"] is not None and found["wing"] is None:
+    if found["aero"] is not None and found["wing"] is None and found["body"] is None:
         raise SceneError(
             f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
             "have a flow without it, and there are [membranes])."
+        )
+    if found["body"] is not None and membranes.pressures:
+        raise SceneError(
+            f"{label}: [membranes.pressures] stand beside the pressure inside [body] that its flow sends; drop them "
+            "and say internal_pressure_coefficient in [aero]."
         )
 
 

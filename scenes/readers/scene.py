@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..builders.interface import (
     body_interface,
@@ -25,6 +25,9 @@ from .members import check_line_ends, read_members
 from .point_loads import read_loads
 from .tables import Table
 
+if TYPE_CHECKING:
+    from ..builders.wings import ClosedSurface
+
 BUILT_IN = Path(__file__).resolve().parents[1]
 _TABLES = ("nodes", "springs", "canopy", "lines", "masses", "ribs", "tubes", "attachments", "loads")  # of [structure]
 
@@ -40,16 +43,17 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     wing = read.wing
     loads: tuple[PointLoad, ...] = ()
     pivot = None
+    surface = _surface(folder, read)
     if read.structure is None:
         sections = None if wing is None else read_sections(folder, wing, wind)
-        interface = _rigid_interface(folder, read, sections)
+        interface = _rigid_interface(read, surface, sections)
         members, struts = rigid_members(interface.nodes), interface.sections[:, [0, -1]]
     else:
-        members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes)
+        members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes, surface)
         struts = read_struts(folder, read, members)
         sections = None if wing is None else read_sections(folder, wing, wind)
         loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
-        interface = _interface(read, members, struts, sections)
+        interface = _interface(read, members, struts, sections, surface)
         check_line_ends(folder, read.structure, members, loads, interface)
     polars = None
     if wing is not None and sections is not None:
@@ -97,11 +101,24 @@ def _scaled(folder: Path, read: Description) -> Description:
     return replace(read, aero=scaled)
 
 
-def _interface(read: Description, members: Members, struts: Any, sections: Table | None) -> Interface:
+def _surface(folder: Path, read: Description) -> "ClosedSurface | None":
+    """The closed surface of [body], None without."""
+    if read.body is None:
+        return None
+    from .bodies import read_body  # not loaded for scenes without
+
+    return read_body(folder, read.body)
+
+
+def _interface(
+    read: Description, members: Members, struts: Any, sections: Table | None, surface: "ClosedSurface | None"
+) -> Interface:
     """The interface mesh for the chosen chord and number of strips, with the lines where they have drag."""
     nodes, choices = members.nodes, read.choices
     if members.wing is not None:
         found = grid_interface(nodes, members.wing.grid)
+    elif surface is not None and members.membranes is not None:
+        found = body_interface(surface, nodes, members.membranes.skin)
     elif members.membranes is not None and read.aero is None:
         found = face_interface(nodes, members.membranes.group.nodes)
     elif sections is None:
@@ -115,14 +132,12 @@ def _interface(read: Description, members: Members, struts: Any, sections: Table
     return with_lines(found, nodes, legs, diameter) if drag else found
 
 
-def _rigid_interface(folder: Path, read: Description, sections: Table | None) -> Interface:
+def _rigid_interface(read: Description, surface: "ClosedSurface | None", sections: Table | None) -> Interface:
     """The interface mesh of a wing without a structure: the closed surface of [body], or strips between the rows of the
     table of sections.
     """
-    if read.body is not None:
-        from .bodies import read_body  # not loaded for scenes without
-
-        return body_interface(read_body(folder, read.body), read.choices.scale)
+    if surface is not None:
+        return body_interface(surface, read.choices.scale * surface.nodes)
     assert sections is not None
     return edges_interface(*design_edges(sections, read.choices.scale), read.choices.panels_per_section)
 
