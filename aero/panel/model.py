@@ -13,6 +13,7 @@ from interface.mirror import mirror_permutation
 from interface.validity import worst
 
 from .bodies import Body
+from .collocation import collocation_points
 from .influence import PanelGeometry, induced_velocity
 from .solver import PanelSolver, SolverState
 from .strips import Strips, section_drag
@@ -311,7 +312,8 @@ class PanelModel(AeroModel):
         """Velocity (m,3) m/s along the surface at all panels."""
         stencils, g = self._stencils[case.symmetric], case.geometry
         onset = case.onset if case.onset.ndim == 1 else case.onset[stencils.rows]
-        perturbed = onset - stencils.gradient(stencils.weights(g.centre, g.normal), doublets)
+        points = collocation_points(self._body, case.nodes)
+        perturbed = onset - stencils.gradient(stencils.weights(points, g.normal, g.centre), doublets)
         velocity = tangential(perturbed, stencils.normals(g.normal))
         return self._half.whole(velocity) if case.symmetric else velocity
 
