@@ -1,9 +1,9 @@
 """Where on each panel the flow is asked for: towards the narrower of its neighbours, as the mesh is graded.
 
-Doublets that are constant on panels are vortices along their edges. Half way between two of them is the right place only
-where panels are equally wide. On cosine-spaced ones it is the half angle, a quarter of the panel at its end, and the
-lift of a profile is then three times as near to its limit as with centres (van Garrel 2003, ECN-C-03-079, of strips
-along a span).
+Doublets that are constant on panels are vortices along their edges. Half way between two of them is the right place
+only where panels are equally wide. On cosine-spaced ones it is the half angle, a quarter of the panel at its end, and
+the lift of a profile is then more than twice as near to its limit as with centres (van Garrel 2003, ECN-C-03-079, has
+it of strips along a span).
 """
 
 import numpy as np

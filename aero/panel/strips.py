@@ -56,6 +56,17 @@ class Strips:
             fore[strips] = line[order[first]]
         return middle - fore
 
+    def skewness(self, nodes, points):
+        """By how much (s,) the `points` (m,3) m of the two panels at each trailing edge lie apart along it, over how
+        far they lie from it: 0 where panels on either side face each other.
+        """
+        edge = unit(nodes[self.ends[:, 1]] - nodes[self.ends[:, 0]])
+        upper, lower = points[self.edges[:, 0]], points[self.edges[:, 1]]
+        apart = np.abs(np.einsum("sc,sc->s", upper - lower, edge))
+        from_edge = 0.5 * (upper + lower) - self.middles(nodes)
+        across = from_edge - np.einsum("sc,sc->s", from_edge, edge)[:, None] * edge
+        return apart / np.linalg.norm(across, axis=1)
+
     def widths(self, nodes, direction):
         """Lengths (s,) m of the trailing edges across the stream."""
         a, b = nodes[self.ends[:, 0]], nodes[self.ends[:, 1]]

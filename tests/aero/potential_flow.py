@@ -66,8 +66,8 @@ class KarmanTrefftz:
         return self._n * (up + down) / (up - down)
 
     def points(self, count):
-        """Points (count,2), from the trailing edge over the upper side to the nose and back: equal angles of the circle,
-        from the trailing edge on.
+        """Points (count,2), from the trailing edge over the upper side to the nose and back: equal angles of the
+        circle, from the trailing edge on.
         """
         angle = 2.0 * np.pi * np.arange(count) / count
         z = np.empty(count, complex)
