@@ -35,8 +35,8 @@ OF_STRIPS = (
 )  # fmt: skip
 
 OF_EDGES = (
-    "trailing_edge_skew", "offset of the panels above and below a trailing edge", 2.0, "triangles that do not face each "
-    "other across a thin trailing edge: lift is off by 1.5 % at 2, 4 % at 12, 10 % at 70, docs/verification.md",
+    "trailing_edge_skew", "offset of the panels above and below a trailing edge", 2.0, "triangles that do not face "
+    "each other across a thin trailing edge: lift is off by 1.5 % at 2, 4 % at 12, 10 % at 70, docs/verification.md",
 )  # fmt: skip
 
 

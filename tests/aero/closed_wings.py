@@ -12,11 +12,13 @@ from scenes.builders.wings import Planform, mirrored_wing, span_shares
 
 
 @cache
-def wing(strips=6, panels=30, profile="0012", tip="flat", **planform):
-    """A closed wing with strips to each side, rectangular of aspect ratio 6 unless the `planform` says otherwise."""
+def wing(strips=6, panels=30, profile="0012", closed="flat", **planform):
+    """A closed wing with strips to each side and tips `closed` flat or round, rectangular of aspect ratio 6 unless the
+    `planform` says otherwise.
+    """
     form = Planform(**{"span": 6.0, "root": 1.0, "tip": 1.0, **planform})
     sections = form.stations(span_shares(strips, "cosine")).sections(naca(profile).points(panels))
-    return mirrored_wing(sections, tip)
+    return mirrored_wing(sections, closed)
 
 
 def panel_model(surface, symmetric=True, polars=None, **options):
