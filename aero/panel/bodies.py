@@ -297,7 +297,7 @@ class Half:
 
     def whole_strips(self, jumps):
         """Jumps of the potential at the trailing edges (s,) of the half, upper less lower, at those of the whole."""
-        return self.sign * jumps[self.of_strip]
+        return self.sign * np.append(jumps, 0.0)[self.of_strip]
 
 
 def _strip_images(whole, image, rows, strips):
@@ -620,6 +620,8 @@ def _neighbours(count, sides, folds):
 def _strips(sides, of_panel, trailing, rows):
     """Panels (t) of every strip; see Body. All strips are walked at once."""
     t = len(rows)
+    if not t:
+        return ()
     quad = np.all(of_panel >= 0, axis=1)
     wake = np.zeros(len(sides), dtype=bool)
     wake[rows] = True
