@@ -25,6 +25,8 @@ SUBJECTS = (
     "beams",
     "membranes",
     "panel_bodies",
+    "panel_peers",
+    "panel_fmus",
     "v3_detailed",
     "hanging",
     "exchange",
