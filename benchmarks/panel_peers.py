@@ -242,11 +242,11 @@ SHAPES = (
     RECTANGULAR,
     Shape(
         "swept 45°, A = 5, 4.2°", 4.2, 5.0, 5.0, functools.partial(rectangular, span=5.0, sweep=0.25 * np.pi),
-        lambda: np.array([0.262, 0.0048]), "Weber and Brebner (1958), inviscid", ((6, 24), (10, 40), (20, 80)),
+        lambda: np.array([0.262, 0.0048]), "inviscid limit of another panel code", ((6, 24), (10, 40), (20, 80)),
     ),
     Shape(
         "box wing, 5.86°", 5.86, 24.0, 12.0, box_wing, lambda: np.array([0.523, 0.0102]),
-        "limit of panel codes", ((4, 24), (6, 32), (12, 78)), ring=True,
+        "inviscid limit of another panel code", ((4, 24), (6, 32), (12, 78)), ring=True,
     ),
     Shape(
         "circular, 1 % thick, 2°", 2.0, 0.25 * np.pi, 1.0, circular,
