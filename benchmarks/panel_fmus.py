@@ -171,8 +171,8 @@ def fmu_size(quick):
         "The aerodynamic FMU of a rectangular wing, without reference results, its half solved; each host in a process "
         "of its own, in which memory is the growth up to its peak. Instantiate: in fmpy unpacking included, which "
         "libcosim does as it reads. Initialise: the first solve, with influences and factors; in libcosim with the "
-        f"first step, which need not solve again. Step: in a wind of {OTHER_WIND:g} m/s instead of 10 m/s. libcosim takes FMI 2 "
-        "only.",
+        f"first step, which need not solve again. Step: in a wind of {OTHER_WIND:g} m/s instead of 10 m/s. libcosim "
+        "takes FMI 2 only.",
         ""
         if with_libcosim()
         else "libcosimpy is not installed; `pip install -c constraints.txt -e '.[interop]'` brings it.",
