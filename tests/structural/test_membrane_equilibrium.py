@@ -91,6 +91,23 @@ def test_the_last_digits_of_a_mesh_do_not_decide_where_the_rim_folds(cells):
         assert np.abs(again.x - first.x).max() <= 1e-7  # 1e-9 of the load over the least stiffness of the rim, 1 N/m
 
 
+def test_a_solve_that_ends_at_a_saddle_of_the_fabric_goes_down_from_it(monkeypatch):
+    nodes, fixed, group = airbag(36)
+
+    def potential(found):
+        corners = found.x[group.nodes]
+        volume = np.einsum("ec,ec->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+        return group.energy(Configuration(found.x)) - 5000.0 * volume
+
+    stable, assembly, loads = inflated(nodes, fixed, group, 5000.0)
+    monkeypatch.setattr(energy, "SADDLES", 0)
+    saddle = equilibrium(assembly, loads, nodes, atol=0.0, rtol=1e-9)
+    assert (saddle.converged, saddle.unstable_modes) == (True, 2)  # one on either side of the diagonal
+    assert (stable.converged, stable.unstable_modes) == (True, 0)
+    assert potential(stable) < potential(saddle) - 1e-3  # 2.1 mJ of 76 J
+    assert stable.x[0, 2] == pytest.approx(0.2152, abs=0.3e-3)
+
+
 def test_fabric_that_is_blown_the_other_way_comes_back_or_says_not():
     # a small pressure turns a stiff bag inside out, a long way: it is softened for that
     nodes, fixed, group = airbag(4)
