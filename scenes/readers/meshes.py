@@ -54,7 +54,7 @@ def read_mesh(
     blocks = _blocks(content, label)
     mesh = replace(_once(_assembled(content, blocks, label, groups, UNITS[unit or "m"])), remarks=remarks)
     check_triangles(mesh)
-    _check_size(mesh, unit)
+    check_size(mesh, unit, 'say unit = "mm"')
     if drop_loose_nodes:
         mesh = without_loose_nodes(mesh)
     check_no_loose_nodes(mesh)
@@ -247,13 +247,13 @@ def _group_names(content: Any, label: str, groups: str | None) -> Any:
     return of_block
 
 
-def _check_size(mesh: TriangleMesh, unit: str | None) -> None:
-    """Raises where lengths look like mm, or like m where another unit was given."""
+def check_size(mesh: TriangleMesh, unit: str | None, remedy: str) -> None:
+    """Raises where lengths look like mm, with what to do then, or like m where another unit was given."""
     across = float(np.ptp(mesh.nodes[np.unique(mesh.triangles)], axis=0).max())
     if unit is None and across > LARGEST:
         raise SceneError(
-            f'{mesh.label} is {across:.4g} m across: its lengths look like mm; say unit = "mm", or unit = "m" if it '
-            "is that large."
+            f'{mesh.label} is {across:.4g} m across: its lengths look like mm; {remedy}, or unit = "m" if it is that '
+            "large."
         )
     if unit not in (None, "m") and across < SMALLEST:
         raise SceneError(

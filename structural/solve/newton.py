@@ -102,14 +102,19 @@ class Newton:
 
         By Sylvester's law of inertia for a symmetric tangent; that of follower loads is nearly so.
         """
+        factors = self._symmetric_factors()
+        return 0 if factors is None else factors.negative_pivots()
+
+    def _symmetric_factors(self):
+        """Factors of the tangent with all pivots on the diagonal; None without unknowns or where it is singular."""
         if not len(self.r):
-            return 0
+            return None
         try:
             # relative to each unknown's own stiffness: that of axial members would hide slow modes of bending
             shift = SMALLEST_SHIFT * np.maximum(self.problem.stiffest, self._diagonal())
-            return self._factors(shift, pivot=0.0).negative_pivots()
+            return self._factors(shift, pivot=0.0)
         except Singular:
-            return 0
+            return None
 
     def _accept(self, at, evaluated):
         self.at = at
