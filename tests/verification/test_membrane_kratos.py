@@ -10,7 +10,6 @@ from benchmarks.membrane_kratos import (
     KratosAirbag,
     airbag_in_kratos,
     height_and_stress,
-    refined,
     relaxation_masses,
     relaxed,
 )
@@ -29,6 +28,8 @@ def test_our_equilibrium_is_one_of_the_membrane_elements_of_kratos(n):
     assert found.converged
     # both meet 1e-9 of the load: the elements, the law and the pressure are the same to rounding
     assert np.linalg.norm(bag.forces(u)) <= 1e-9 * bag.load(u)
+    # and so is the stress, in Pa
+    assert bag.stress_at_centre(u) == pytest.approx(1e6 * height_and_stress(group, found.x)[1], rel=1e-9)
     # and not because the forces are small anywhere near: 0.1 mm off they are not
     off = u + np.where(fixed, 0.0, 1e-4)
     assert np.linalg.norm(bag.forces(off)) > 1e-3 * bag.load(off)
@@ -41,9 +42,7 @@ def test_the_forces_of_kratos_relax_the_flat_airbag_to_our_height_and_stress():
     theirs = relaxed(KratosAirbag(nodes, fixed, group.nodes, PRESSURE), group, np.zeros_like(nodes))
     assert theirs.status == "converged"
     # a residual of 1e-5 of the load leaves the shape uncertain by about as much
-    assert height_and_stress(group, nodes + theirs.displacements) == pytest.approx(
-        height_and_stress(group, ours.x), rel=1e-4
-    )
+    assert theirs.displacements[0, 2] == pytest.approx(ours.x[0, 2], rel=1e-4)
 
 
 @with_kratos
@@ -67,13 +66,6 @@ def test_relaxation_masses_are_stable_for_the_stiffest_mode():
     masses = relaxation_masses(group, n)[:, 0]
     frequency = np.linalg.eigvalsh(whole / np.sqrt(np.outer(masses, masses)))[-1]
     assert frequency <= 4.0  # of central differences with steps of 1: omega^2 <= 4
-
-
-def test_a_coarse_shape_is_refined_linearly():
-    coarse, _, _ = airbag(2)
-    fine, _, _ = airbag(4)
-    tilt = np.array([[1.0, 2.0, 3.0], [0.5, -1.0, 0.2], [0.0, 0.0, 0.0]])
-    assert refined(coarse @ tilt, 4, fine) == pytest.approx(fine @ tilt, abs=1e-14)
 
 
 def test_without_kratos_the_table_says_so_in_a_sentence(monkeypatch):
