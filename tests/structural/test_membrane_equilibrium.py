@@ -21,7 +21,7 @@ from structural import (
 from structural.elements.membrane_results import membrane_state
 from structural.elements.membranes import flat_patterns, prestressed_patterns
 from structural.materials.membranes import isotropic_membrane
-from structural.solve import energy
+from structural.solve import energy, linear
 from structural.solve.newton import EPS, rounding_force, rounding_of_positions
 from tests.structural.models import chains
 
@@ -219,3 +219,22 @@ def test_a_linear_answer_to_a_change_of_pressure_is_that_of_two_solves():
     slope = LoadSensitivity(assembly, loads, found.x)(change)
     up, down = (inflated(nodes, fixed, group, 5000.0 + d, start=found.x, rtol=1e-11)[0].x for d in (1.0, -1.0))
     np.testing.assert_allclose(slope, 0.5 * (up - down), atol=2e-3 * np.abs(slope).max())  # curvature over 1 Pa
+
+
+def test_the_order_of_elimination_is_found_once_for_all_newton_iterations(monkeypatch):
+    orders = []
+    plain = linear.spla.splu
+
+    def watched(matrix, permc_spec, **how):
+        orders.append((permc_spec, matrix.indices, matrix.indptr))
+        return plain(matrix, permc_spec=permc_spec, **how)
+
+    monkeypatch.setattr(linear.spla, "splu", watched)
+    nodes, fixed, group = airbag(4)
+    found, _, _ = inflated(nodes, fixed, group, 5000.0)
+    (first, *_), *factorisations = orders
+    assert first == "MMD_AT_PLUS_A"
+    assert len(factorisations) >= found.iterations
+    # the pressure makes the values unsymmetric; the pattern is one, and it is factorised as it is numbered
+    assert {name for name, _, _ in factorisations} == {"NATURAL"}
+    assert all(i is factorisations[0][1] and p is factorisations[0][2] for _, i, p in factorisations)
