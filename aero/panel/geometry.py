@@ -24,8 +24,9 @@ class PanelGeometry:
     corners (m,4,3) counter-clockwise seen from outside, centre (m,3) of area, normal (m,3) unit, of the area vector,
     area (m,), size (m,) the longest distance of two corners, warp (m,) the distance of the two diagonals. A
     quadrilateral is two flat triangles with one shared diagonal, the first one (corners 0 and 2), or the second one
-    where the first lies outside. `near` (m,48) and `far` (m,24) are what the exact potentials and the multipoles of a
-    panel are made of.
+    where the first lies outside. The bilinear surface through its corners is warp/6 beside them on average: seen from a
+    distance R its potential is theirs up to a fraction warp / (6 R) + 2 (warp / size)^2. `near` (m,48) and `far` (m,24)
+    are what the exact potentials and the multipoles of a panel are made of.
     """
 
     corners: np.ndarray
