@@ -23,6 +23,7 @@ TALLEST = 9.0  # in, front and top view together
 BLUE = (0.60, 0.75, 0.88)
 SLACK = "#b2182b"
 LOOSE = "#d95f02"
+ENDS = 0.005  # of the area of a body, at either end of its loads: edges of a tip may have any
 PRESSURE = "outward load over dynamic pressure, –"
 TUBE, COLLAPSED = "0.58", "#d01c8b"
 THICK: dict[str, Any] = {"lw": 4.0, "solid_capstyle": "butt"}
@@ -90,7 +91,8 @@ def shape_figure(
         for label, mapping in shown.items():
             if mapping is not None:
                 place = axes_at(figure, LEFT + front[0] + GAP + 0.1, BOTTOM + 0.02, min(side[0], 2.6) - 0.3, 0.12)
-                figure.colorbar(mapping, cax=place, orientation="horizontal").set_label(label)
+                ends = "neither" if mapping is colours else "both"
+                figure.colorbar(mapping, cax=place, orientation="horizontal", extend=ends).set_label(label)
     return figure
 
 
@@ -148,7 +150,9 @@ def _colours(frame: Frame) -> Any:
 
 
 def _pressures(state: FinalState) -> Any:
-    """Colours of the load along the normals of a closed body, from pale to dark; None for a sheet, and without loads."""
+    """Colours of the load along the normals of a closed body, from pale to dark, over all but the ends of its range;
+    None for a sheet, and without loads.
+    """
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, Normalize
@@ -158,7 +162,10 @@ def _pressures(state: FinalState) -> Any:
     if values is None or not np.all(np.isfinite(values)) or not SurfaceMesh(surface.position, surface.panels).closed:
         return None
     cut = ListedColormap(colormaps["viridis_r"](np.linspace(0.05, 1.0, 256)))
-    return ScalarMappable(Normalize(float(values.min()), float(values.max())), cut)
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(surface.loads.area[order])
+    low, high = np.interp([ENDS, 1.0 - ENDS], share / share[-1], values[order])
+    return ScalarMappable(Normalize(float(low), float(high)), cut)
 
 
 def _draw_body(axes: "Axes", state: FinalState, view: View, pressures: Any) -> None:
@@ -169,7 +176,7 @@ def _draw_body(axes: "Axes", state: FinalState, view: View, pressures: Any) -> N
     corners = surface.position[surface.panels]
     seen = np.flatnonzero(area_vectors(corners) @ view.viewer > 0.0)
     order = seen[np.argsort(corners[seen].mean(axis=1) @ view.viewer, kind="stable")]
-    paint = pressures.to_rgba(surface.loads.C_p[order])
+    paint = pressures.to_rgba(np.asarray(surface.loads.C_p)[order])
     body = PolyCollection(list(corners[order][..., view.at]), fc=paint, ec=paint, lw=0.3, zorder=1, gid="body")
     axes.add_collection(body, autolim=False)
 
