@@ -22,6 +22,7 @@ from scipy.linalg import lapack
 from interface import StepFailed
 
 from .bodies import Body
+from .collocation import collocation_points
 from .influence import PanelGeometry, influence, memory_needed, source_potential
 from .velocities import unit
 from .wake import Wake, straight_wake
@@ -68,12 +69,13 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Of a body on `nodes` (n,3) m: its `geometry`, the doublet `matrix` (m,m), and the potentials `streams` (m,3) of
-    the sources that a unit stream along each axis needs.
+    """Of a body on `nodes` (n,3) m: its `geometry`, collocation `points` (m,3) m, the doublet `matrix` (m,m), and the
+    potentials `streams` (m,3) of the sources that a unit stream along each axis needs.
     """
 
     nodes: np.ndarray
     geometry: PanelGeometry
+    points: np.ndarray
     matrix: np.ndarray
     streams: np.ndarray
 
@@ -149,7 +151,7 @@ class PanelSolver:
         self._factors = kept = None  # free them before the next ones are made
         columns = self._columned(nodes)
         lu = columns.matrix.astype(np.float32)
-        wake = straight_wake(self.body, nodes, direction).potentials(columns.geometry.centre, self.body.symmetric)
+        wake = straight_wake(self.body, nodes, direction).potentials(columns.points, self.body.symmetric)
         for strip, (upper, lower) in enumerate(self.body.trailing[:, :2]):
             lu[:, upper] += wake[:, strip]
             lu[:, lower] -= wake[:, strip]
@@ -165,13 +167,14 @@ class PanelSolver:
         if kept is not None and np.array_equal(kept.nodes, nodes):
             return kept
         self._columns = None
-        geometry = PanelGeometry.of(nodes, self.body.panels)
-        matrix, streams = self._buffer(), np.zeros_like(geometry.centre)
+        geometry, points = PanelGeometry.of(nodes, self.body.panels), collocation_points(self.body, nodes)
+        matrix, streams = self._buffer(), np.zeros_like(points)
         for mirrored in (False, True) if self.body.symmetric else (False,):
-            at = geometry, geometry.centre, -geometry.normal
-            _, found = influence(*at, mirrored=mirrored, out=matrix, own=not mirrored)
+            _, found = influence(geometry, points, -geometry.normal, mirrored=mirrored, out=matrix)
             streams += found
-        self._columns = _Columns(nodes, geometry, matrix, streams)
+        np.fill_diagonal(matrix, 0.0)
+        np.fill_diagonal(matrix, 1.0 - matrix.sum(axis=1))  # doublets of strength 1 all over are 1 inside
+        self._columns = _Columns(nodes, geometry, points, matrix, streams)
         return self._columns
 
     def _buffer(self):
@@ -185,7 +188,7 @@ class PanelSolver:
         return self._matrix
 
     def _system(self, columns, wake, onset):
-        centre, upper, lower = columns.geometry.centre, self._upper, self._lower
+        centre, upper, lower = columns.points, self._upper, self._lower
         at_edge = onset if onset.ndim == 1 else 0.5 * (onset[upper] + onset[lower])
         stream = np.einsum("...c,...c->...", centre[upper] - centre[lower], at_edge)
         return System(columns.matrix, wake.potentials(centre, self.body.symmetric), upper, lower, stream)
@@ -196,7 +199,7 @@ class PanelSolver:
             return columns.streams @ onset
         strengths = -np.einsum("mc,mc->m", columns.geometry.normal, onset)
         images = (False, True) if self.body.symmetric else (False,)
-        at = columns.geometry, columns.geometry.centre, strengths
+        at = columns.geometry, columns.points, strengths
         return np.sum([source_potential(*at, mirrored=mirrored) for mirrored in images], axis=0)
 
 

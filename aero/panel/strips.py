@@ -13,7 +13,8 @@ from .velocities import unit
 @dataclass(frozen=True, eq=False)
 class Strips:
     """Strips of a body: `ends` (s,2) nodes of their trailing edges, `edges` (s,2) the panels above and below these, and
-    `rows` the panels of each strip in order, empty where the surface is not made of rows of quads there.
+    `rows` the panels of each strip in order, empty where the surface is not made of rows of quads there; `of_panel`
+    (m,) is the strip of each panel, -1 beside them, and `whole` whether all strips have rows.
     """
 
     ends: np.ndarray
@@ -21,9 +22,8 @@ class Strips:
     rows: tuple[np.ndarray, ...]
     of_panel: np.ndarray
     whole: bool
-    _strip: np.ndarray
-    _panel: np.ndarray
-    _corners: np.ndarray
+    _lines: np.ndarray
+    _of_line: np.ndarray
 
     @classmethod
     def of(cls, body):
@@ -34,27 +34,38 @@ class Strips:
         of_panel = np.full(len(body.panels), -1)
         of_panel[panel] = strip
         whole = bool(len(lengths)) and bool((lengths > 0).all())
-        at = body.trailing
-        return cls(at[:, 2:], at[:, :2], body.strips, of_panel, whole, strip, panel, body.panels[panel])
+        at, same = body.trailing, np.flatnonzero(strip[1:] == strip[:-1])
+        lines = _shared(body.panels[panel[same]], body.panels[panel[same + 1]])
+        return cls(at[:, 2:], at[:, :2], body.strips, of_panel, whole, lines, strip[same])
 
     def middles(self, nodes):
         """Middles (s,3) m of the trailing edges."""
         return nodes[self.ends].mean(axis=1)
 
     def chords(self, nodes, centre):
-        """Vectors (s,3) m from the point of each strip that is furthest from its trailing edge to the middle of that;
-        without rows only as far as the middle of the panels at the trailing edge.
+        """Vectors (s,3) m from the nose of each strip, where the line between two of its panels is furthest from the
+        trailing edge, to the middle of that; without rows only as far as the middle of the panels at the trailing edge.
         """
         middle = self.middles(nodes)
         fore = centre[self.edges].mean(axis=1)
-        if len(self._panel):
-            corner = nodes[self._corners].reshape(-1, 3)
-            strip = np.repeat(self._strip, 4)
-            distance = np.linalg.norm(corner - middle[strip], axis=1)
-            order = np.lexsort((-distance, strip))
-            strips, first = np.unique(strip[order], return_index=True)
-            fore[strips] = corner[order[first]]
+        if len(self._lines):
+            line = nodes[self._lines].mean(axis=1)
+            distance = np.linalg.norm(line - middle[self._of_line], axis=1)
+            order = np.lexsort((-distance, self._of_line))
+            strips, first = np.unique(self._of_line[order], return_index=True)
+            fore[strips] = line[order[first]]
         return middle - fore
+
+    def skewness(self, nodes, points):
+        """By how much (s,) the `points` (m,3) m of the two panels at each trailing edge lie apart along it, over how
+        far they lie from it: 0 where panels on either side face each other.
+        """
+        edge = unit(nodes[self.ends[:, 1]] - nodes[self.ends[:, 0]])
+        upper, lower = points[self.edges[:, 0]], points[self.edges[:, 1]]
+        apart = np.abs(np.einsum("sc,sc->s", upper - lower, edge))
+        from_edge = 0.5 * (upper + lower) - self.middles(nodes)
+        across = from_edge - np.einsum("sc,sc->s", from_edge, edge)[:, None] * edge
+        return apart / np.linalg.norm(across, axis=1)
 
     def widths(self, nodes, direction):
         """Lengths (s,) m of the trailing edges across the stream."""
@@ -93,6 +104,14 @@ class Strips:
         total = np.bincount(self.of_panel[on], weights=area[on], minlength=len(self.ends))
         per_area = values / total.reshape(-1, *[1] * (values.ndim - 1))
         return np.where(on.reshape(-1, *[1] * (values.ndim - 1)), per_area[self.of_panel], 0.0)
+
+
+def _shared(one, other):
+    """The two corners (k,2) that panels (k,4) share with others (k,4)."""
+    common = (one[:, :, None] == other[:, None, :]).any(axis=2)
+    common[:, 3] &= one[:, 3] != one[:, 2]
+    order = np.argsort(~common, axis=1, kind="stable")[:, :2]
+    return np.take_along_axis(one, order, axis=1)
 
 
 def section_drag(polars, lift):

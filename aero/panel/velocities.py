@@ -75,19 +75,20 @@ class Stencils:
         """Unit normals (r,3) of the surface at the panels, whose own are `normal` (m,3)."""
         return unit(normal[self.rows] + normal[self.beside].mean(axis=1))
 
-    def weights(self, centre, normal):
-        """Weights (r,k,3) 1/m: the gradient along the surface is their sum with the differences of values at the
-        neighbours to that at the panel.
+    def weights(self, points, normal, centre):
+        """Weights (r,k,3) 1/m: the gradient along the surface at the `centre` (m,3) m of a panel is their sum with the
+        differences of values at the `points` (m,3) m of its neighbours to that at its own.
         """
-        t, axes = _tangent_coordinates(self, centre, normal)
+        t, axes = _tangent_coordinates(self, points, normal)
         scaled, back = _scaled(t, self.present)
         size = np.einsum("rkc,rkc->rk", scaled, scaled)
         w = self.present / np.where(self.present, size, 1.0)
         terms = _terms(scaled)
         terms[~self.quadratic, :, 2:] = 0.0
         normal_matrix = np.einsum("rki,rkj,rk->rij", terms, terms, w)
-        inverse = np.linalg.pinv(normal_matrix, rcond=THIN * QUADRATIC, hermitian=True)[:, :2]
-        plane = np.einsum("rij,rkj,rk->rki", inverse, terms, w)
+        inverse = np.linalg.pinv(normal_matrix, rcond=THIN * QUADRATIC, hermitian=True)
+        off = np.einsum("rij,rjc,rc->ri", back, axes, (centre - points)[self.rows])
+        plane = np.einsum("rij,rjl,rkl,rk->rki", _slopes(off), inverse, terms, w, optimize=True)
         return np.einsum("rki,rij,rjc->rkc", plane, back, axes)
 
     def gradient(self, weights, values):
@@ -179,3 +180,9 @@ def _terms(t):
     """Monomials (r,k,5) u, v, u^2, u v, v^2."""
     u, v = t[..., 0], t[..., 1]
     return np.stack([u, v, u * u, u * v, v * v], axis=-1)
+
+
+def _slopes(t):
+    """Derivatives (r,2,5) along u and v of the monomials of `_terms` at t (r,2)."""
+    (u, v), one, zero = t.T, np.ones(len(t)), np.zeros(len(t))
+    return np.stack([[one, zero, 2.0 * u, v, zero], [zero, one, zero, u, 2.0 * v]]).transpose(2, 0, 1)
