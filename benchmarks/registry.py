@@ -24,6 +24,7 @@ SUBJECTS = (
     "saddle",
     "beams",
     "membranes",
+    "panel_bodies",
     "v3_detailed",
     "hanging",
     "exchange",

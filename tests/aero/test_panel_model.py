@@ -8,10 +8,10 @@ import pytest
 from aero.model import Flow, Wing
 from aero.panel.model import LARGEST_ANGLE, PanelModel
 from aero.vortex_step import StripPolars
+from benchmarks.panel_references import sphere
 from interface import StepFailed, SurfaceMesh, area_vectors, records
 from interface.vectors import rotation
 from tests.aero.closed_wings import direction, flow, panel_model, values, wing
-from tests.aero.potential_flow import sphere
 
 SURFACE = wing()
 

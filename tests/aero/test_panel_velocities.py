@@ -8,8 +8,8 @@ from aero.panel.collocation import collocation_points
 from aero.panel.influence import PanelGeometry, induced_velocity
 from aero.panel.solver import PanelSolver
 from aero.panel.velocities import Stencils, tangential
+from benchmarks.panel_references import ellipsoid_velocity, halved, sphere
 from tests.aero.closed_wings import wing
-from tests.aero.potential_flow import ellipsoid_velocity, halved, sphere
 
 STREAM = np.array([1.0, 0.3, -0.5]) / np.linalg.norm([1.0, 0.3, -0.5])
 BODIES = {"sphere": (1.0, 1.0, 1.0), "spheroid": (2.0, 0.5, 0.5), "ellipsoid": (1.0, 0.6, 0.3)}

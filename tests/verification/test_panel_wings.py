@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from benchmarks.panel_references import KarmanTrefftz
 from scenes.builders.profiles import naca
 from scenes.builders.wings import BoxWing, Planform, mirrored_wing, span_shares
 from tests.aero.closed_wings import direction, flow, panel_model, values, wing
-from tests.aero.potential_flow import KarmanTrefftz
 
 
 def coefficients(surface, alpha, area):
