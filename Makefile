@@ -50,7 +50,7 @@ clean: ## remove .venv, results, caches and build artefacts
 	rm -rf $(venv) results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-$(stamp): pyproject.toml constraints.txt $(wildcard fmus/binary/*)
+$(stamp): pyproject.toml constraints.txt $(wildcard fmus/binary/* aero/panel/*.[ch])
 	@test -n "$(PYTHON)" && "$(PYTHON)" -c '$(new_enough)' 2>/dev/null || { \
 	    echo "kitecosim needs Python 3.11 or newer$(if $(PYTHON), and $(PYTHON) is not); name one: make PYTHON=python3.12" >&2; \
 	    exit 1; }

@@ -87,7 +87,8 @@ class Wing:
 
     `mesh` is the interface, open or closed; where it is made of strips, `sections` (n+1, k+1) are node indices of the
     stations of each section at the `fractions` (k+1,) of the chord, and `polars` reads the section polars of the n
-    strips. `options` are those of [aero] in scene.toml, `symmetric` whether one half is to be solved at the start, and
+    strips. `trailing_edges` (t,2) are pairs of nodes of a closed wing, None where they are to be found or it is open.
+    `options` are those of [aero] in scene.toml, `symmetric` whether one half is to be solved at the start, and
     `transient` whether the wing moves.
     """
 
@@ -98,6 +99,7 @@ class Wing:
     fractions: np.ndarray | None = None
     polars: Callable[[], Any] | None = None
     transient: bool = False
+    trailing_edges: np.ndarray | None = None
 
 
 class AeroModel:

@@ -27,6 +27,7 @@ SUBJECTS = (
     "membrane_kratos",
     "membrane_solvers",
     "membrane_tubes",
+    "panel_bodies",
     "v3_detailed",
     "hanging",
     "exchange",

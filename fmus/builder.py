@@ -28,6 +28,7 @@ from fmus.documentation.reference import options, reference_tables
 from fmus.private import (
     BINARIES,
     SCRIPT,
+    libraries,
     private_code,
     private_name,
     pythonfmu_folder,
@@ -40,7 +41,8 @@ from fmus.structural_fmu import StructuralFmu
 from scenes import Scene
 
 NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
-OWN_METHODS = ("vortex-step",)  # methods for the flow whose needs are known
+# Methods for the flow whose needs are known, and where their code stands.
+OWN_METHODS = {"vortex-step": "aero/vortex_step/", "panel": "aero/panel/"}
 # What only scenes with membranes load, beginnings of paths.
 MEMBRANES = (
     *("structural/elements/membrane", "structural/materials/membranes", "structural/solve/energy"),
@@ -59,8 +61,8 @@ def build(
     fmi: int = 2,
     cores: Mapping[str, Any] | None = None,
 ) -> tuple[Path, ...]:
-    """Paths of `<scene>_structural.fmu` and, where the scene has a flow, `<scene>_aero.fmu`, written to `out_dir` (made
-    when missing).
+    """Paths of `<scene>_structural.fmu` where the scene has a structure, and `<scene>_aero.fmu` where it has a flow,
+    written to `out_dir` (made when missing).
 
     `parameters` (name -> number or array) become the start values of the parameters of that name in either FMU. A kite
     that is free to pitch starts from its trim angle unless they give one; where there is none, SceneError.
@@ -73,7 +75,8 @@ def build(
         raise ValueError(f"FMUs are built for FMI 2 or 3, not {fmi}.")
     given = dict(parameters or {})
     sides: tuple[tuple[str, type[CoreFmu]], ...] = (("structural", StructuralFmu), ("aero", AeroFmu))
-    sides = sides if scene.has_flow else sides[:1]
+    has = {"structural": scene.has_structure, "aero": scene.has_flow}
+    sides = tuple((side, slave) for side, slave in sides if has[side])
     cores = dict(cores or {side: slave.scene_core(scene) for side, slave in sides})
     names = {side: {v.name for v in core.variables if v.causality == "parameter"} for side, core in cores.items()}
     if unknown := sorted(given.keys() - set().union(*names.values())):
@@ -149,13 +152,20 @@ def _unused(scene: Scene, side: str) -> tuple[str, ...]:
 
 
 def _other_side(scene: Scene, side: str) -> tuple[str, ...]:
+    method = "" if scene.aero is None or side != "aero" else scene.aero.method
+    flow = tuple(folder for name, folder in OWN_METHODS.items() if name != method)
     if side == "aero":
         cores = "statics", "transient", "structur", "tapes", "holding", "symmetry"
-        return ("structural/", *(f"scenes/cores/{name}" for name in cores))
-    flow = "aero/vortex_step/", "scenes/cores/flow"
+        return (*flow, "structural/", *(f"scenes/cores/{name}" for name in cores))
     motion = "structural/dynamics/", "scenes/cores/transient"
     solved = ("scenes/cores/statics",) if scene.transient else motion
-    return ("structural/solve/pardiso", *flow, *solved, *(() if scene.members.membranes else MEMBRANES))
+    return (
+        "structural/solve/pardiso",
+        *flow,
+        "scenes/cores/flow",
+        *solved,
+        *(() if scene.members.membranes else MEMBRANES),
+    )
 
 
 def archive(
@@ -188,16 +198,20 @@ def _code() -> tuple[str, dict[str, bytes]]:
     """The name of the private package, and path -> content of the files in it."""
     global LOADED
     found = sources()
-    root = private_name(found)
-    code = _private(root, tuple(found.items()))
+    compiled = {path: _without_search_path(file.read_bytes()) for path, file in libraries().items()}
+    root = private_name(found | compiled)
+    code = _private(root, tuple(found.items())) | {f"{root}/{path}": content for path, content in compiled.items()}
     if not LOADED[0] and unchanged():
         LOADED = root, {_module_name(path): content for path, content in code.items()}
     return root, code
 
 
 def _module_name(path: str) -> str:
-    """What the private package calls the module of a file."""
-    return path.partition("/")[2].removesuffix(".py").removesuffix("__init__").rstrip("/").replace("/", ".")
+    """What the private package calls a file: the name of a module, the path in it of others."""
+    name = path.partition("/")[2]
+    if not name.endswith(".py"):
+        return name
+    return name.removesuffix(".py").removesuffix("__init__").rstrip("/").replace("/", ".")
 
 
 @functools.lru_cache(maxsize=1)

@@ -7,7 +7,10 @@ that name: the same code has the same name, and is loaded once.
 
 import ast
 import hashlib
+import platform
 import re
+import sys
+import sysconfig
 from importlib.util import decode_source
 from pathlib import Path
 from typing import Any
@@ -41,8 +44,10 @@ from pathlib import Path
 BUILT_AS = Path(__file__).parent.name  # what the modules call this package
 
 
-class _Files(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
-    """Finds and loads the modules of this package: name in it -> path, content, whether it is a package."""
+class _Files(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader, importlib.abc.ResourceLoader):
+    """Finds and loads the modules of this package: name in it -> path, content, whether it is a package. Compiled
+    libraries have their path in it for a name.
+    """
 
     def __init__(self, known):
         self.known = known
@@ -64,6 +69,12 @@ class _Files(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
     def get_code(self, name):
         return compile(self.get_source(name), self.known[name.partition(".")[2]][0], "exec", dont_inherit=True)
 
+    def get_data(self, path):
+        for place, content, _ in self.known.values():
+            if place == path:
+                return content
+        raise FileNotFoundError(path)
+
 
 def _read(folder):
     found = {}
@@ -71,6 +82,8 @@ def _read(folder):
         *above, stem = path.relative_to(folder).with_suffix("").parts
         name = ".".join(above if stem == "__init__" else [*above, stem])
         found[name] = str(path), path.read_bytes(), stem == "__init__"
+    for path in sorted(folder.rglob("*.so")):
+        found[path.relative_to(folder).as_posix()] = str(path), path.read_bytes(), False
     return found
 
 
@@ -153,10 +166,20 @@ def sources() -> dict[str, bytes]:
     return dict(sorted(found.items()))
 
 
+def libraries() -> dict[str, Path]:
+    """Path among the sources -> file of what is compiled with the project and loaded by its solvers, where it was: the
+    kernels of the panel method (aero/panel/kernels.py) for Linux.
+    """
+    path = Path(__file__).parents[1] / f"aero/panel/_kernels{sysconfig.get_config_var('EXT_SUFFIX')}"
+    here = sys.platform == "linux" and platform.machine() == "x86_64" and path.is_file()
+    return {"aero/panel/_kernels.so": path} if here else {}
+
+
 def unchanged() -> bool:
     """Whether this process has loaded the code as its files are now, as far as the times of these tell."""
     folders = [Path(__file__).parents[1] / name for name in PACKAGES]
-    return all(path.stat().st_mtime < LOADED_AT for folder in folders for path in folder.rglob("*.py"))
+    files = [*(path for folder in folders for path in folder.rglob("*.py")), *libraries().values()]
+    return all(path.stat().st_mtime < LOADED_AT for path in files)
 
 
 def private_name(code: dict[str, bytes]) -> str:

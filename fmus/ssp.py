@@ -57,12 +57,12 @@ class _Fmu:
 
 
 def package(name: str, paths: Sequence[Path], out_dir: str | Path) -> Path:
-    """Path of `NAME.ssp`, written to `out_dir` (which exists) from the structural and, where there is one, the
-    aerodynamic FMU in `paths`, as `fmus.builder.build` returns them. The same FMUs give the same bytes.
+    """Path of `NAME.ssp`, written to `out_dir` (which exists) from the structural and the aerodynamic FMU in `paths`,
+    or the one that there is, as `fmus.builder.build` returns them. The same FMUs give the same bytes.
 
     The FMUs go in as they are. Every input of one that is an output of the other by name is connected to it.
     """
-    fmus = {side: _read(path) for side, path in zip(SIDES, paths, strict=False)}
+    fmus = {side: _read(path) for side in SIDES for path in paths if path.stem.endswith(f"_{side}")}
     connections = []
     for start, end in permutations(fmus, 2):
         inputs = set(fmus[end].names("input"))
@@ -90,8 +90,8 @@ def _read(path: Path) -> _Fmu:
 
 def _structure(name: str, fmus: Mapping[str, _Fmu], connections: Sequence[tuple[str, str, str]]) -> Element:
     """The content of SystemStructure.ssd; `connections` are (from component, to component, scalar)."""
-    structural = fmus[SIDES[0]]
-    about = {"version": "1.0", "name": name, "generationTool": structural.tool}
+    first = next(iter(fmus.values()))
+    about = {"version": "1.0", "name": name, "generationTool": first.tool}
     root = Element("ssd:SystemStructureDescription", NAMESPACES | about)
     system = SubElement(root, "ssd:System", name=name)
     connected = {(end, shared) for _, end, shared in connections}
@@ -112,12 +112,12 @@ def _structure(name: str, fmus: Mapping[str, _Fmu], connections: Sequence[tuple[
         for start, end, shared in connections:
             ends = {"startElement": start, "startConnector": shared, "endElement": end, "endConnector": shared}
             SubElement(listed, "ssd:Connection", ends)
-    step = structural.experiment["stepSize"]
+    step = first.experiment["stepSize"]
     master = {"description": "oms-ma", "stepSize": step, "absoluteTolerance": TOLERANCE, "relativeTolerance": TOLERANCE}
     information = SubElement(_annotation(system, "org.openmodelica"), "oms:Annotations")
     SubElement(SubElement(information, "oms:SimulationInformation"), "oms:FixedStepMaster", master)
     _units(root, "ssd:Units", {unit: base for fmu in fmus.values() for unit, base in fmu.units.items()})
-    times = {time: structural.experiment[time] for time in ("startTime", "stopTime")}
+    times = {time: first.experiment[time] for time in ("startTime", "stopTime")}
     experiment = SubElement(root, "ssd:DefaultExperiment", times)
     algorithm = SubElement(_annotation(experiment, "com.opensimulationplatform"), "osp:Algorithm")
     SubElement(algorithm, "osp:FixedStepAlgorithm", baseStepSize=step)

@@ -13,14 +13,26 @@ if TYPE_CHECKING:
     from master.coupling.fixed_point import FixedPointResult, fixed_point
     from master.fmu_coupling import couple
     from master.studies import compare
+    from master.studies.polar import polar
 
-__all__ = ["IQNILS", "IQNIMVJ", "Aitken", "ConstantRelaxation", "FixedPointResult", "compare", "couple", "fixed_point"]
+__all__ = [
+    "IQNILS",
+    "IQNIMVJ",
+    "Aitken",
+    "ConstantRelaxation",
+    "FixedPointResult",
+    "compare",
+    "couple",
+    "fixed_point",
+    "polar",
+]
 
 _MODULES = {
     "compare": "studies",
     "couple": "fmu_coupling",
     "FixedPointResult": "coupling.fixed_point",
     "fixed_point": "coupling.fixed_point",
+    "polar": "studies.polar",
 }
 
 moved.install()

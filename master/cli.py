@@ -241,6 +241,64 @@ def compare(
     )
 
 
+@app.command(short_help="Coefficients of the rigid wing of SCENE over angle of attack and sideslip.")
+def polar(
+    scene: SceneArgument,
+    alpha: Annotated[
+        str, typer.Option(metavar="ANGLES", help="Angles of attack in degrees, nose up: a:b:step or a,b,c.")
+    ] = "-5:15:1",
+    beta: Annotated[
+        str,
+        typer.Option(metavar="ANGLES", help="Angles of sideslip in degrees, wind from the right: a:b:step or a,b,c."),
+    ] = "0",
+    set_: SetOption = None,
+    about: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="Point in m that moments are about; without it the pivot of a kite, [aero] reference_point, or the "
+            "origin.",
+        ),
+    ] = None,
+    derivatives: Annotated[
+        bool,
+        typer.Option(
+            "--derivatives",
+            help="Stability derivatives too, where CM falls through zero, else in the middle of the angles.",
+        ),
+    ] = False,
+    derivatives_at: Annotated[
+        float | None, typer.Option(metavar="ALPHA", help="Stability derivatives at this angle of attack in degrees.")
+    ] = None,
+    shape: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Results of a run of SCENE, whose shape the wing has; without it that of design."
+        ),
+    ] = None,
+    warm: Annotated[
+        bool, typer.Option("--warm/--cold", help="Whether points start from the state of the one before.")
+    ] = True,
+    report: Annotated[bool, typer.Option(help="Write plots too.")] = True,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/polar/SCENE.")] = None,
+) -> None:
+    """Turn the wind about the rigid wing of SCENE; print a table, write it with loads, outputs and plots.
+
+    The wing of a kite has its design shape, or that of a run. A point without an answer has a status and does not end
+    the sweep; one that is outside of what the model is known to be good for is marked.
+
+    Exit code: 0 all points were tried, whatever came out; 1 a point crashed, none has an answer, or derivatives were
+    asked for and there are none; 2 bad input; 130 interrupted.
+    """
+    from master.studies.polar.command import polar_scene
+
+    _finish(
+        lambda: polar_scene(
+            scene, alpha, beta, _assignments(set_), out, about, shape, derivatives, derivatives_at, warm, report
+        )
+    )
+
+
 @app.command(short_help="List scenes and what each one needs.")
 def scenes(
     scene: Annotated[

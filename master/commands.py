@@ -5,7 +5,7 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,11 @@ import numpy as np
 from master import restart
 from master.coupling.checkpoint import NO_FILES, Files
 from master.coupling.convergence import required_count, required_number
-from master.coupling.equilibrium import Coupling
+from master.coupling.equilibrium import Coupling, require_structure
 from master.coupling.exchange import ORDERS
 from master.coupling.participants import FmuParticipant, InProcessParticipant, Participant
 from master.coupling.participants.zero_loads import ZeroLoads
+from master.coupling.rigid import rigid_run
 from master.coupling.run import Run, coupled_run
 from master.coupling.schemes import SCHEMES, scheme
 from master.coupling.start import with_start
@@ -42,6 +43,8 @@ from master.report.record import clear_leftovers
 from master.restart import Job
 
 BACKENDS = ("fmu", "in-process")
+# What a run without a structure has no use for.
+OF_COUPLING = ("scheme", "order", "relaxation", "tolerance", "force_tolerance", "max_iterations", "stability", "labels")
 FOUND = {"trim_angle": "found for wind and weight,", "start_azimuth": "that of the wind,"}  # start values of parameters
 OTHER_BINARY = (
     "kitecosim: note: FMUs built here carry PythonFMU's binary, as that of kitecosim was not compiled when it was "
@@ -84,6 +87,9 @@ def run_scene(
     if motion and not scene.transient:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
         raise ValueError(f"{option} is for transient scenes; scene '{name}' is quasi-static.")
+    if not scene.has_structure:
+        _require_nothing_coupled(scene, () if chosen is None else chosen, files, live)
+        choices = {name: value for name, value in choices.items() if name not in OF_COUPLING}
     out = out or Path("results") / scene.name
     results_folder(out)
     with tempfile.TemporaryDirectory(prefix="kitecosim_") as built_in:
@@ -92,7 +98,34 @@ def run_scene(
             from master.transient import run_transient
 
             return run_transient(job, opened(scene, choices["backend"], given, job.built_in, cores), live, **motion)
-        return _run_quasi_static(job, cores, live)
+        return _run_quasi_static(job, cores, live) if scene.has_structure else _run_rigid(job, cores)
+
+
+def _require_nothing_coupled(scene: Any, chosen: Collection[str], files: Files, live: bool) -> None:
+    """ValueError in one sentence where options say how a rigid wing is to be coupled."""
+    given = [f"--{name.replace('_', '-')}" for name in OF_COUPLING if name in chosen]
+    given += [name for name, there in (("--checkpoint", files.checkpoint), ("--live", live)) if there]
+    if given:
+        raise ValueError(
+            f"{given[0]} is for scenes with a structure; scene '{scene.name}' is a rigid wing, whose flow is solved "
+            "once; leave it out."
+        )
+
+
+def _run_rigid(job: Job, cores: dict[str, Any]) -> int:
+    """Solve the flow around a rigid wing; the exit code."""
+    begin = time.perf_counter()
+    with opened(job.scene, job.choices["backend"], job.given, job.built_in, cores) as sides:
+        ready = time.perf_counter()
+        job.clear(RESULTS)
+        run = rigid_run(sides["aero"], job.scene.remarks)
+    _write(job, run, ready - begin, cores)
+    return _exit_code(job, run)
+
+
+def _exit_code(job: Job, run: Run) -> int:
+    good = run.status == "converged" and (not job.strict or all(j.within for j in run.validity))
+    return EXIT_CONVERGED if good else EXIT_NOT_CONVERGED
 
 
 def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
@@ -118,8 +151,7 @@ def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
             writer.end(run.result)
     run.remarks.extend(remarks + writer.remarks + scene.notes() + _hints(scene, given, run))
     _write(job, run, ready - begin, cores)
-    good = run.status == "converged" and (not job.strict or all(j.within for j in run.validity))
-    return EXIT_CONVERGED if good else EXIT_NOT_CONVERGED
+    return _exit_code(job, run)
 
 
 def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
@@ -149,11 +181,12 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape
     if not scene.has_flow:  # what stands in for it knows no shape
         blocks["displacement"] = run.blocks["structural"]["displacement"]
-    write_history(out / "history.csv", run.result.history)
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
-    written = [
-        "summary.json",
-        "history.csv",
+    written = ["summary.json"]
+    if scene.has_structure:
+        write_history(out / "history.csv", run.result.history)
+        written.append("history.csv")
+    written += [
         *write_state(out, blocks, labels, scene.interface, scene.members.wing, scene.members),
     ]
     write_json(out / "summary.json", content)
@@ -200,6 +233,8 @@ def list_scenes(name: str | None = None) -> int:
         print(f"{scene.name}: {scene.title}")
         print(f"  {scene.description}")
         print(f"  interface: {len(scene.interface.nodes)} nodes, {len(scene.interface.panels)} panels")
+        if not scene.has_structure:
+            print("  rigid: a flow around the wing alone, without a structure")
         if scene.dynamics is not None:
             stop = scene.dynamics.stop_time
             print(f"  transient: to {stop:g} s in communication steps of {scene.communication_step:g} s")
@@ -219,7 +254,7 @@ def list_scenes(name: str | None = None) -> int:
 
 
 def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False, fmi: int = 2) -> int:
-    """Build the two FMUs of a scene, and its SSP if wanted; the exit code."""
+    """Build the FMUs of a scene, one for each side that it has, and its SSP if wanted; the exit code."""
     from fmus.builder import build, own_binary
     from fmus.ssp import package
 
@@ -293,12 +328,22 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], 
     """The scene with its settings, its parameters: the assigned ones, checked, and the trim angle if it has one; and
     its cores, side -> core, with these parameters.
     """
+    scene, parameters, made = assigned_cores(name, assigned, lambda scene: scene.cores())
+    return scene, scene.with_trim(parameters, made), made
+
+
+def assigned_cores(
+    name: str, assigned: dict[str, str], cores_of: Callable[[Any], dict[str, Any]]
+) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+    """The scene with its assigned settings, its assigned parameters, checked, and the cores that `cores_of` makes of
+    it, with these parameters.
+    """
     import scenes
 
     offers = scenes.settings_of(name)
     settings = {k: v for k, v in assigned.items() if k in offers}
     scene = scenes.load(name, settings)
-    made = scene.cores()
+    made = cores_of(scene)
     cores = tuple(made.values())
     parameters: dict[str, Any] = {}
     for key, text in assigned.items():
@@ -313,7 +358,7 @@ def prepared(name: str, assigned: dict[str, str]) -> tuple[Any, dict[str, Any], 
         for core, _ in owners:
             core.set(key, value)
         parameters[key] = value
-    return scene, scene.with_trim(parameters, made), made
+    return scene, parameters, made
 
 
 def at_rest(scene: Any, given: dict[str, Any], cores: dict[str, Any]) -> tuple[Any, dict[str, Any], str]:
@@ -340,8 +385,8 @@ def _number(key: str, text: str, variable: Any) -> Any:
 def opened(
     scene: Any, backend: str, parameters: dict[str, Any], out: Path, cores: Mapping[str, Any] | None = None
 ) -> Iterator[dict[str, Participant]]:
-    """The participants of a scene, "structural" and where it has a flow "aero"; they are closed at the end. FMUs are
-    built in the folder `out`/fmus.
+    """The participants of a scene, "structural" where it has a structure and "aero" where it has a flow; they are
+    closed at the end. FMUs are built in the folder `out`/fmus.
 
     `cores` of the scene (side -> core), where there are some, become the participants or make their FMUs.
     """
@@ -351,9 +396,10 @@ def opened(
 
             paths = build(scene, out / "fmus", parameters, reference=False, cores=cores)
             fmus = [stack.enter_context(FmuParticipant(path)) for path in paths]
-            for fmu, core in zip(fmus, (cores or scene.cores()).values(), strict=False):
+            of_sides = cores or scene.cores()
+            for fmu, core in zip(fmus, of_sides.values(), strict=True):
                 fmu.criteria = core.criteria  # an FMU has their outputs, and their limits in words only
-            yield dict(zip(("structural", "aero"), fmus, strict=False))
+            yield dict(zip(of_sides, fmus, strict=True))
         else:
             yield {
                 side: InProcessParticipant(core, {k: v for k, v in parameters.items() if k in core.names})
@@ -365,9 +411,12 @@ def opened(
 def pair(
     scene: Any, backend: str, parameters: dict[str, Any], out: Path, cores: Mapping[str, Any] | None = None
 ) -> Iterator[Coupling]:
-    """The two participants of a quasi-static scene, coupled; they are closed at the end."""
+    """The two participants of a quasi-static scene, coupled; they are closed at the end. ValueError in one sentence
+    where it has no structure.
+    """
     if backend != "fmu":
         yield Coupling.in_process(scene, parameters, cores)
         return
+    require_structure(scene)
     with opened(scene, backend, parameters, out, cores) as sides:
         yield Coupling(sides["structural"], sides.get("aero") or ZeroLoads.beside(sides["structural"]))

@@ -78,7 +78,7 @@ class MembraneMesh:
 
     `group` the elements, whose `fabric` (e,) is one of the `fabrics`; `supports`, `pressures`; `seams` name of a group
     of lines -> sides (k,2) of triangles; `cables` names of the chains along lines; `remarks` what was changed when the
-    mesh was read.
+    mesh was read. Where they are those of a closed body, `skin` (b,) is the node of the structure at each of its nodes.
     """
 
     group: "Membranes"
@@ -89,6 +89,7 @@ class MembraneMesh:
     seams: dict[str, np.ndarray]
     cables: tuple[str, ...]
     remarks: tuple[str, ...]
+    skin: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +172,12 @@ class Members:
     def names(self) -> tuple[str, ...]:
         """Element names in the order of the groups."""
         return tuple(n for group in self.chains for n in group.names)
+
+
+def rigid_members(nodes: np.ndarray) -> Members:
+    """Of a scene without a structure: the nodes (n,3) m of its wing, all of them held, and no element."""
+    mass, labels = np.zeros(len(nodes)), tuple(str(i + 1) for i in range(len(nodes)))
+    return Members(nodes, np.ones((len(nodes), 3), bool), labels, (), _NONE, mass, mass)
 
 
 @dataclass(frozen=True, eq=False)

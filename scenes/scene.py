@@ -13,6 +13,7 @@ from .interface import Interface
 from .members import Members, PointLoad
 from .schema import (
     AeroInput,
+    BodyInput,
     Choices,
     DynamicsInput,
     SceneError,
@@ -88,10 +89,10 @@ class Scene:
     """One checked scene, quasi-static or transient.
 
     `settings` are the choices that it offers, as they are chosen, and `choices` all choices; then the sections of
-    scene.toml, None where it lacks one. `members` is the structure, `interface` the mesh that structure and flow share,
-    `struts` (s,2) leading and trailing edge nodes, `polars` those of the design sections, `pivot` the node that the
-    structure pitches about, `start` where a transient scene starts if that is known. `source` is not known of a scene
-    that an FMU carries.
+    scene.toml, None where it lacks one: without `structure` the wing is rigid and has an aerodynamic side alone.
+    `members` is the structure, `interface` the mesh that structure and flow share, `struts` (s,2) leading and trailing
+    edge nodes, `polars` those of the design sections, `pivot` the node that the structure pitches about, `start` where
+    a transient scene starts if that is known. `source` is not known of a scene that an FMU carries.
     """
 
     name: str
@@ -99,7 +100,7 @@ class Scene:
     description: str
     settings: dict[str, Any]
     choices: Choices
-    structure: StructureInput
+    structure: StructureInput | None
     wing: WingInput | None
     aero: AeroInput | None
     trim: TrimInput | None
@@ -112,6 +113,7 @@ class Scene:
     pivot: int | None
     source: Source | None = field(repr=False, default=None)
     start: Start | None = field(repr=False, default=None)
+    body: BodyInput | None = None
 
     @property
     def folder(self) -> Path:
@@ -150,6 +152,32 @@ class Scene:
         return self.aero is not None
 
     @property
+    def has_structure(self) -> bool:
+        """Whether the scene has a structural side; without one its wing is rigid."""
+        return self.structure is not None
+
+    @property
+    def has_wing(self) -> bool:
+        """Whether it has a wing or another body in the flow, not lines alone."""
+        return self.wing is not None or self.body is not None
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether one half is to be solved at the start."""
+        if self.structure is not None:
+            return self.structure.symmetric
+        return self.aero is not None and bool(self.aero.symmetric)
+
+    @property
+    def moments_about(self) -> tuple[str, np.ndarray]:
+        """What the moments of the flow are about, in a word, and the place (3,) m."""
+        if self.pivot is not None:
+            return "pivot", self.members.nodes[self.pivot]
+        if self.aero is not None and self.aero.reference_point is not None:
+            return "reference point", np.array(self.aero.reference_point)
+        return "origin", np.zeros(3)
+
+    @property
     def communication_step(self) -> float:
         """Usual communication step, s; in quasi-static scenes it is pseudo-time."""
         return 1.0 if self.dynamics is None else self.dynamics.communication_step
@@ -166,7 +194,9 @@ class Scene:
         return replace(self, source=None, point_loads=(), members=self.members.bare(), interface=interface)
 
     def structural_core(self) -> "Core":
-        """The structural solver core of this scene."""
+        """The structural solver core of this scene; SceneError where it has no structure."""
+        if not self.has_structure:
+            raise SceneError(f"scene '{self.name}' has no structure: its scene.toml has no [structure].")
         from .cores import Core
 
         if self.transient:
@@ -192,8 +222,9 @@ class Scene:
         return Core(FlowSolver(self, self.wing_model, self.lines_model))
 
     def cores(self) -> "Cores":
-        """Side -> solver core: structural, and aero where the scene has a flow."""
-        return {"structural": self.structural_core()} | ({"aero": self.aero_core()} if self.has_flow else {})
+        """Side -> solver core: structural where the scene has a structure, aero where it has a flow."""
+        structural = {"structural": self.structural_core()} if self.has_structure else {}
+        return structural | ({"aero": self.aero_core()} if self.has_flow else {})
 
     @cached_property
     def heading(self) -> "Heading":
@@ -205,13 +236,16 @@ class Scene:
     @cached_property
     def wing_model(self) -> "AeroModel | None":
         """The model of the flow around the wing, None where the scene has no wing in a flow."""
-        if self.aero is None or self.wing is None:
+        if self.aero is None or not self.has_wing:
             return None
         from aero.methods import wing_model
         from aero.model import Wing
 
         options = {**self.aero.options, "camber": self.choices.camber_feedback == "on"}
-        i, symmetric = self.interface, self.structure.symmetric
+        i, symmetric = self.interface, self.symmetric
+        if self.body is not None:
+            whole = Wing(i, options, symmetric, transient=self.transient, trailing_edges=i.trailing_edges)
+            return wing_model(self.aero.method, whole)
         of_strips = i.sections, i.fractions, self.strip_polars
         return wing_model(self.aero.method, Wing(i, options, symmetric, *of_strips, self.transient))
 
@@ -222,7 +256,7 @@ class Scene:
             return None
         from aero.line_drag import LinesInWind
 
-        about = "origin" if self.pivot is None else "pivot"
+        about, _ = self.moments_about
         air = self.aero.line_normal_drag, self.aero.line_friction, about, self.transient
         return LinesInWind(self.interface.lines, self.interface.diameter, self.choices.line_area, *air)
 
@@ -232,7 +266,7 @@ class Scene:
         from aero.methods import wing_loads
 
         on_panels: tuple[str, ...] = ("pressure",)
-        if self.aero is not None and self.wing is not None:
+        if self.aero is not None and self.has_wing:
             on_panels = wing_loads(self.aero.method, self.aero.options)
         panels = on_panels if len(self.interface.panels) else ()
         return (*panels, *(("line_load",) if len(self.interface.lines) else ()))
@@ -254,6 +288,8 @@ class Scene:
 
     def notes(self) -> list[str]:
         """What is worth a line of its tables in every run."""
+        if self.structure is None:
+            return list(self.interface.remarks)
         from .checks import bare_line_ends
 
         membranes = self.members.membranes
@@ -271,6 +307,8 @@ class Scene:
         """What looks odd in the structure with these parameters: elements far off their rest length in the design
         shape, and the first thing that breaks its symmetry ("" if nothing does).
         """
+        if not self.has_structure:
+            return [], ""
         from .checks import asymmetry, prestrained
         from .cores.structure import StructuralModel
 

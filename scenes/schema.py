@@ -11,7 +11,9 @@ from typing import Annotated, Any
 
 from interface.line_drag import FRICTION, NORMAL_DRAG
 
-SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled")
+BODIES = ("wing", "box-wing", "mesh-file")
+PROFILE_SPACINGS = ("cosine", "geometric", "uniform")
+SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled", "body")
 INTEGRATION = ("implicit-euler", "generalised-alpha", "bdf2")
 
 
@@ -119,6 +121,17 @@ def a_direction(value: Any) -> tuple[float, ...]:
     return numbers
 
 
+def a_point(value: Any) -> tuple[float, ...]:
+    """A point in space."""
+    meaning = "three finite numbers"
+    if not isinstance(value, list) or len(value) != 3:
+        raise Wrong(meaning)
+    try:
+        return tuple(Number()(v) for v in value)
+    except Wrong:
+        raise Wrong(meaning) from None
+
+
 def lists_of_lines(value: Any) -> dict[str, tuple[str, ...]]:
     """Parameter -> names of lines."""
     meaning = "a table of parameter names, each with a list of line names"
@@ -161,12 +174,28 @@ def a_share(value: Any) -> float:
     return number
 
 
+def numbers(value: Any) -> tuple[float, ...]:
+    """A list of numbers."""
+    meaning = "a list of finite numbers"
+    if not isinstance(value, list) or not value:
+        raise Wrong(meaning)
+    try:
+        return tuple(Number()(v) for v in value)
+    except Wrong:
+        raise Wrong(meaning) from None
+
+
 def texts(value: Any) -> tuple[str, ...]:
     """One text or a list of some."""
     found = [value] if isinstance(value, str) else value
     if not isinstance(found, list) or not found or not all(isinstance(t, str) and t for t in found):
         raise Wrong("a name or a list of names")
     return tuple(found)
+
+
+def texts_or_none(value: Any) -> tuple[str, ...]:
+    """One text, a list of some, or none where it is empty."""
+    return () if value in ("", []) else texts(value)
 
 
 def named_directions(value: Any) -> dict[str, str]:
@@ -201,6 +230,8 @@ Flag = Annotated[bool, a_flag]
 Lines = Annotated[dict[str, tuple[str, ...]], lists_of_lines]
 Texts = Annotated[tuple[str, ...], texts]
 Numbers = Annotated[dict[str, float], named_numbers]
+NumberList = Annotated[tuple[float, ...], numbers]
+Angle = Annotated[float, Number(low=-89.0, high=89.0)]
 Percent = Annotated[float, Number(low=-50.0, high=50.0)]
 
 
@@ -260,8 +291,10 @@ class AeroInput:
     """[aero]: the wind and the `method` for the flow around the wing.
 
     `wind_speed` m/s, `wind_direction` (3,) of any length, `air_density` kg/m^3, `reference_area` m^2 of the
-    coefficients; `line_normal_drag` and `line_friction` are coefficients of lines in the wind. `options` are the keys
-    that only this method has.
+    coefficients; `line_normal_drag` and `line_friction` are coefficients of lines in the wind. `reference_chord` and
+    `reference_span` m are lengths of the moment coefficients of `kitecosim polar`; `reference_point` (3,) m is what
+    moments are about in a scene without a pivot. `symmetric`: solve one half, in a scene without [structure], which
+    says it else. `options` are the keys that only this method has.
     """
 
     method: Annotated[str, a_method] = "vortex-step"
@@ -271,6 +304,10 @@ class AeroInput:
     reference_area: Positive | None = None
     line_normal_drag: NotNegative = NORMAL_DRAG
     line_friction: NotNegative = FRICTION
+    reference_chord: Positive | None = None
+    reference_span: Positive | None = None
+    reference_point: Annotated[tuple[float, ...], a_point] | None = None
+    symmetric: Flag | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -366,10 +403,11 @@ class MembranesInput:
     The mesh is a file `mesh`, with `unit` of its lengths (none: m), the cell data `groups` that say what groups its
     elements are in (none: those of its format), `drop_loose_nodes` and `parts_may_be_apart`; or it is made: a `shape`
     of sizes `size`, the `share` of it ("whole", ...), how quads are cut by `diagonals`, ends of a cylinder with `caps`,
-    and the table `profiles` of a ruled surface. `order` 1 or 2 of the triangles. `patterns` is a table of triangles
-    whose sides are cut in other lengths. `wrinkling`: folds instead of compression. `tie` m: nodes of the mesh this
-    near to one of the table of nodes are that node. `fabrics`, `pressures` and `cables` are tables by name, `supports`
-    groups with the directions that are held.
+    and the table `profiles` of a ruled surface. The shape "body" is the skin of [body], two triangles a panel, with
+    ribs; `attachments` are points of all ribs by name, on the lower side at a share of the chord. `order` 1 or 2 of the
+    triangles. `patterns` is a table of triangles whose sides are cut in other lengths. `wrinkling`: folds instead of
+    compression. `tie` m: nodes of the mesh this near to one of the table of nodes are that node. `fabrics`, `pressures`
+    and `cables` are tables by name, `supports` groups with the directions that are held.
     """
 
     mesh: File | None = None
@@ -383,6 +421,7 @@ class MembranesInput:
     diagonals: Annotated[str, OneOf(("crossed", "union-jack", "one-way", "shorter"))] = "crossed"
     caps: Flag = True
     profiles: File | None = None
+    attachments: Numbers = field(default_factory=dict)
     order: Annotated[int, Whole(1, 2)] = 1
     patterns: File | None = None
     wrinkling: Flag = True
@@ -393,9 +432,61 @@ class MembranesInput:
     cables: Annotated[dict[str, CableInput], Tables(CableInput)] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class BodyInput:
+    """[body]: the closed surface of a wing, or of another body, for a flow around bodies.
+
+    `shape` "wing", "box-wing" or "mesh-file". The first two have a `profile`: NACA digits ("naca 2412", "23012") or a
+    file of coordinates; or weights of CST, `upper_weights` and `lower_weights` (none: those of the upper side), both
+    away from the chord. `panels` round the profile, with `panel_spacing` along each side: "cosine", "uniform", or
+    "geometric" where each panel is longer by `panel_growth` % than that before it, from the nose to the trailing edge.
+    A wing has `span` m, along its arc if it has one, `chord` m in the middle and `tip_chord` m (none: as in the
+    middle), the `planform` between them "tapered" or "elliptic"; `sweep` deg, back, of the line at the share `axis` of
+    the chord, about which `twist` deg, nose up, of the tip turns; `dihedral` deg, tips up, or `arc` deg, half the angle
+    of the circle that it follows, tips down. Or the table `stations` has places, chords and profiles. `strips` of each
+    half, or between two stations of the table, spaced by `strip_spacing`: "uniform", or "cosine", close together at the
+    tips; `tip` "flat", or "round" of `tip_strips` panels.
+    A box wing has `span`, `chord`, `height` and `corner_radius` m, and in each half `strips` on each wing,
+    `plate_strips` on the end plate and `corner_strips` in each corner.
+    A file is a `mesh` with `unit` of its lengths (none: m) and the cell data `groups` that say what groups its elements
+    are in; its lines in the groups `trailing_edges` are these (none: they are found; an empty text: there are none).
+    """
+
+    shape: Annotated[str, OneOf(BODIES)] = field(kw_only=True)
+    profile: Annotated[str, a_text] | None = None
+    upper_weights: NumberList | None = None
+    lower_weights: NumberList | None = None
+    panels: Annotated[int, Whole(4, 1000)] | None = None
+    panel_spacing: Annotated[str, OneOf(PROFILE_SPACINGS)] = "cosine"
+    panel_growth: Annotated[float, Number(low=0.0, high=100.0)] = 5.0
+    span: Positive | None = None
+    chord: Positive | None = None
+    tip_chord: Positive | None = None
+    planform: Annotated[str, OneOf(("tapered", "elliptic"))] = "tapered"
+    sweep: Angle = 0.0
+    axis: Annotated[float, Number(low=0.0, high=1.0)] = 0.25
+    twist: Angle = 0.0
+    dihedral: Angle = 0.0
+    arc: Annotated[float, Number(low=0.0, high=170.0)] = 0.0
+    stations: File | None = None
+    strips: Annotated[int, Whole(1, 1000)] | None = None
+    strip_spacing: Annotated[str, OneOf(("uniform", "cosine"))] = "uniform"
+    tip: Annotated[str, OneOf(("flat", "round"))] = "flat"
+    tip_strips: Annotated[int, Whole(2, 100)] = 4
+    height: Positive | None = None
+    corner_radius: Positive | None = None
+    plate_strips: Annotated[int, Whole(1, 1000)] | None = None
+    corner_strips: Annotated[int, Whole(1, 100)] = 3
+    mesh: File | None = None
+    unit: Annotated[str, OneOf(("m", "cm", "mm", "ft", "in"))] | None = None
+    groups: Annotated[str, a_text] | None = None
+    trailing_edges: Annotated[tuple[str, ...], texts_or_none] | None = None
+
+
 SECTIONS = {
     "structure": StructureInput,
     "membranes": MembranesInput,
+    "body": BodyInput,
     "wing": WingInput,
     "aero": AeroInput,
     "trim": TrimInput,

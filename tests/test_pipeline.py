@@ -46,7 +46,8 @@ def test_it_passes_with_only_the_installed_package(installed, tmp_path):
     assert " passed" in finished(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", **options)
 
 
-def test_a_wheel_carries_the_binary_where_there_is_a_compiler(installed):
+def test_a_wheel_carries_binary_and_kernels_where_there_is_a_compiler(installed):
     if not shutil.which((sysconfig.get_config_var("CC") or "cc").split()[0]):
         pytest.skip("not run: there is no C compiler")
     assert list((installed / "fmus").glob("_binary*.so"))
+    assert list((installed / "aero/panel").glob("_kernels*.so"))

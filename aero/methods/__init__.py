@@ -3,7 +3,8 @@ name begins with _ are none.
 
 A file gives `wing_loads(options)`, the names of the interface loads (`aero.model.LOADS`) that its model sends, and
 `wing_model(wing)`, the model of a `Wing`. The first loads nothing of the model, so that a structure can ask. Where
-[aero] has more to say of the method than all of them have, OPTIONS names these keys (`aero.model.Option`).
+[aero] has more to say of the method than all of them have, OPTIONS names these keys (`aero.model.Option`). OF_BODIES is
+true where its wings are closed bodies, those of [body] in scene.toml; without it they are the sheets of [wing].
 """
 
 import pkgutil
@@ -23,6 +24,11 @@ def methods() -> tuple[str, ...]:
 def method_options(method: str) -> dict[str, Option]:
     """Keys of [aero] that a method has beside those of all."""
     return getattr(_module(method), "OPTIONS", {})
+
+
+def of_bodies(method: str) -> bool:
+    """Whether a method is for closed bodies, not for sheets."""
+    return bool(getattr(_module(method), "OF_BODIES", False))
 
 
 def wing_loads(method: str, options: Mapping[str, Any]) -> tuple[str, ...]:

@@ -125,7 +125,8 @@ def _model(instance: CoreFmu, scene: Scene, side: str) -> str:
         about=html.escape(scene.description),
         physics=html.escape(physics),
         drawing=drawing(scene, side, _arrow(instance)),
-        shown=of_structure if side == "structural" else texts.OF_FLOW,
+        panels=texts.PANELS if scene.body is None else texts.OUTLINE,
+        shown=of_structure if side == "structural" else texts.OF_FLOW if scene.body is None else "",
         settings=settings or "none",
     )
 
@@ -180,7 +181,8 @@ def _scene(instance: CoreFmu, scene: Scene, fmi: int) -> str:
     blocks = instance.blocks
     loads = [f"<code>{name}</code>" for name in LOADS if name in blocks]
     order = texts.TRANSIENT_EXCHANGE if scene.transient else texts.EXCHANGE
-    text = (order if scene.has_flow else texts.ALONE).format(loads=", ".join(loads))
+    order = order if scene.has_flow else texts.ALONE
+    text = (order if scene.has_structure else texts.RIGID).format(loads=", ".join(loads))
     if "trim_angle" in blocks and scene.pivot is not None:
         place = ", ".join(_cell(x) for x in scene.members.nodes[scene.pivot].tolist())
         pivot = html.escape(scene.members.labels[scene.pivot])

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from interface import area_vectors
 from scenes import Scene
 
 _BEHIND_LEFT = np.array([1.0, -0.8, 0.6])  # from where the spatial view looks, in the global frame
@@ -38,7 +39,8 @@ COLOURS = {"structural": (0x1F, 0x4E, 0x79), "aero": (0x00, 0x7A, 0x6C)}
 def drawing(scene: Scene, side: str = "structural", arrow: tuple[str, np.ndarray] | None = None) -> str:
     """SVG of the design shape in four views of one scale: the panels of the interface and, for the structural side,
     springs, lines and tubes, for the other one the exposed lines. `arrow` is a name and a global direction (3,) shown
-    with the axes. The canopy of an inflatable wing is shown by its panels alone.
+    with the axes. The canopy of an inflatable wing is shown by its panels alone, a closed body by its outline and its
+    trailing edges.
     """
     panels = scene.interface.nodes[scene.interface.panels]
     strokes = _strokes(scene, side)
@@ -55,7 +57,12 @@ def drawing(scene: Scene, side: str = "structural", arrow: tuple[str, np.ndarray
             below = top + TITLE + scale * (high[1] - low[1])
             parts.append(f'<g class="v"><text x="{left + wide / 2:.0f}" y="{top + 13:.0f}">{title}</text>')
             parts.append(f'<g transform="translate({origin[0]:.1f} {origin[1]:.1f}) scale({1 / FINE:g})">')
-            parts += _shapes(panels, strokes, np.array(axes), scale * FINE)
+            if scene.body is None:
+                parts += _shapes(panels, strokes, np.array(axes), scale * FINE)
+            else:
+                parts += _shapes(
+                    panels[:0], [("k", 0.0, _outline(scene, np.array(axes)))], np.array(axes), scale * FINE
+                )
             parts.append("</g>" + _axes(np.array(axes), arrow, left + wide / 2, below + AXES / 2) + "</g>")
             top = below + AXES
         left, height = left + wide + MARGIN, max(height, top)
@@ -168,6 +175,20 @@ def _lines(scene: Scene) -> np.ndarray:
     return np.asarray(nodes[_once(ends)])
 
 
+def _outline(scene: Scene, axes: np.ndarray) -> np.ndarray:
+    """Ends (k, 2, 3) m of the trailing edges of a closed body, and of what bounds it in a view: edges between a panel
+    that is seen from outside and one that is not.
+    """
+    mesh = scene.interface
+    edges, panel = mesh.panel_edges
+    seen = area_vectors(mesh.nodes[mesh.panels]) @ np.cross(axes[0], axes[1]) > 0.0
+    order = np.lexsort(np.sort(edges, axis=1).T)  # the two sides of an edge stand beside each other
+    edges, sides = edges[order[::2]], seen[panel[order]].reshape(-1, 2)
+    bounds = edges[sides[:, 0] != sides[:, 1]]
+    ends = bounds if mesh.trailing_edges is None else np.concatenate([bounds, mesh.trailing_edges])
+    return np.asarray(mesh.nodes[_once(ends)])
+
+
 def icon(scene: Scene | None, side: str) -> bytes:
     """PNG of the wing from behind in the colour of the side, on white: with its lines for the structural one, with
     the lift on it for the other.
@@ -177,7 +198,9 @@ def icon(scene: Scene | None, side: str) -> bytes:
     if scene is not None:
         axes = np.array(VIEWS[1 if scene.members.membranes is None else 0][1:])
         edge = scene.interface.nodes[scene.interface.sections[:, 0]] @ axes.T
-        if side == "structural" or not len(edge):
+        if scene.body is not None:
+            lines = _outline(scene, axes) @ axes.T
+        elif side == "structural" or not len(edge):
             lines = _lines(scene) @ axes.T
         else:
             along = np.linspace(0.0, len(edge) - 1.0, 7)

@@ -73,10 +73,13 @@ loggingOn, fmi2Terminated stays true, and the GUID is not compared."""
 MODEL = """<h2>What it models</h2>
 <p><b>{name}</b>. {about}</p>
 <p>{physics}</p>
-<figure>{drawing}<figcaption>The design shape in parallel views of one scale: panels of the interface, blue on the
-suction side and green on the other; {shown}.</figcaption></figure>
+<figure>{drawing}<figcaption>The design shape in parallel views of one scale: {panels}{shown}.</figcaption></figure>
 <p>Built with these settings: {settings}. They cannot be changed in the FMU.</p>
 """
+
+PANELS = """panels of the interface, blue on the
+suction side and green on the other; """
+OUTLINE = """outline and trailing edges of the closed body"""
 
 OF_STRUCTURE = """lines grey, springs dark blue"""
 OF_TUBES = """; tubes as thick as they are, the mesh inside the canopy left out"""
@@ -182,6 +185,11 @@ structure itself.</p>
 ALONE = """<h2>Without a flow</h2>
 <p>The scene has no aerodynamic side. Set parameters, and {loads} if you want any, and step: the result is the
 equilibrium under gravity, the pressures and point loads among the parameters, and what was set.</p>
+"""
+RIGID = """<h2>Without a structure</h2>
+<p>The scene has no structural side: its wing is rigid, and the FMU an aerodynamic model by itself. Set parameters and
+step: the loads are those on the shape drawn. With a <code>displacement</code> of its nodes, of any structure or as a
+rigid rotation, they are those on the displaced shape.</p>
 """
 TRIM = """<p><code>trim_angle</code> is where the iteration starts: the design shape, turned rigidly nose-up about the
 pivot, node {pivot} at ({place}) m, by {value:.6g} rad where nothing else is set. <code>kitecosim build</code> takes the

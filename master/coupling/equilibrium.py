@@ -72,9 +72,10 @@ class Coupling(Exchange):
         """The two solver cores of a scene (see `scenes.load`), new ones or the given ones, each with those of the
         `parameters` that it has; a kite that is free to pitch starts from its trim angle unless they give one.
 
-        ValueError in one sentence for a parameter that neither has, for a value that is refused, and where there is no
-        trim angle in this wind.
+        ValueError in one sentence for a parameter that neither has, for a value that is refused, where there is no trim
+        angle in this wind, and for a scene without a structure.
         """
+        require_structure(scene)
         given = dict(parameters or {})
         cores = scene.cores() if cores is None else cores
         known = {v.name for core in cores.values() for v in core.variables if v.causality == "parameter"}
@@ -119,6 +120,15 @@ class Coupling(Exchange):
                 if shape == () and participant.causality[block] == "output":
                     out[f"{label}.{block}"] = float(participant.get(block))
         return out
+
+
+def require_structure(scene: Any) -> None:
+    """ValueError in one sentence for a scene of a rigid wing."""
+    if not scene.has_structure:
+        raise ValueError(
+            f"scene '{scene.name}' is a rigid wing without a structure, so that there is nothing to couple; solve its "
+            "flow with `kitecosim run` or `kitecosim polar`."
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,14 +66,15 @@ def coupled_run(
             raise RuntimeError(message) from error
         causality[label] = dict(participant.causality)
     told = "recovered" if result.status == "converged" else "tried to recover"
-    remarks = _remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
+    remarks = symmetry_remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
     remarks += _branch_remarks(result.history, blocks["aero"])
     remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
     evaluations, validity = coupling.evaluations, coupling.validity()
     return Run(status, message, result, judged, blocks, causality, remarks, evaluations, validity)
 
 
-def _remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
+def symmetry_remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
+    """Whether a side could not solve one half as it was asked to."""
     remarks = []
     for label in ("structural", "aero"):
         wanted, used = blocks[label].get("symmetric"), blocks[label].get("symmetry_used")

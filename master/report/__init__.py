@@ -18,7 +18,10 @@ from master.report.views import wind_of
 from master.report.wing import wing_results
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from master.coupling.run import Run
+    from master.report.state import FinalState
 
 __all__ = [
     "LABELS",
@@ -62,6 +65,7 @@ CAPTIONS = {
     f"right half of a diamond coincide where the kite is symmetric. {ANGLE}",
 }
 AT_REST = "Shape at rest in still air with line tensions, three views to one scale"
+RIGID = "Shape of the rigid wing, three views to one scale"
 MESHES = ("wing.vtu", "structure.vtu", "lines.vtu", "membranes.vtu")
 PAGE = "report.html"
 REPORT = (*(f"{name}.{kind}" for name in CAPTIONS for kind in ("png", "svg")), *MESHES, PAGE)
@@ -92,13 +96,41 @@ def write_report(
     sentence = missing_libraries()
     if sentence:
         raise ModuleNotFoundError(sentence)
-    from master.report import billowing, figures, membranes, shape, vtk
-    from master.report.convergence import convergence_figure
+    from master.report import figures, membranes, vtk
     from master.report.page import page
-    from master.report.sections import wing_sections
 
     state = final_state(scene, run)
-    status, settings = status_text(run.status), content.get("settings", {})
+    drawn = _drawn(scene, run, content.get("settings", {}), state)
+    skin = membranes.membrane_state(scene.members, run.blocks["structural"])
+    images = {name: figures.rendered(figure) for name, figure in drawn.items()}
+    content_of: dict[str, str | bytes] = {f"{n}.{kind}": data for n, i in images.items() for kind, data in i.items()}
+    content_of["wing.vtu"] = vtk.wing_file(state.surface)
+    if skin is not None:
+        content_of["membranes.vtu"] = vtk.membranes_file(skin)
+    if state.frame is not None:
+        content_of["structure.vtu"] = vtk.structure_file(state.frame)
+    if len(state.surface.lines):
+        content_of["lines.vtu"] = vtk.lines_file(state.surface)
+    captions = CAPTIONS if scene.has_flow else {**CAPTIONS, "shape": AT_REST}
+    captions = captions if scene.has_structure else {**captions, "shape": RIGID}
+    shown = {name: (captions[name], image["svg"]) for name, image in images.items()}
+    content_of[PAGE] = page(scene, run, content, state, shown, cores)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in REPORT:  # so that none of an earlier run stands beside them
+        (folder / name).unlink(missing_ok=True)
+    for name, data in content_of.items():
+        write_whole(folder / name, data)
+    return list(content_of)
+
+
+def _drawn(scene: Any, run: "Run", settings: Mapping[str, Any], state: "FinalState") -> dict[str, "Figure"]:
+    """Name -> figure of what there is to draw of a run with these settings in its final state."""
+    from master.report import billowing, figures, membranes, shape
+    from master.report.convergence import convergence_figure
+    from master.report.sections import wing_sections
+
+    status = status_text(run.status)
     aero = run.blocks["aero"]
     title, wind = scene.title, wind_of(aero)
     if wind is not None:
@@ -118,33 +150,16 @@ def write_report(
     skin = membranes.membrane_state(scene.members, run.blocks["structural"])
     if skin is not None and np.all(np.isfinite(skin.position)):
         drawn["membranes"] = membranes.membrane_figure(skin, f"{title}, {status}", run.status)
-    drawn["convergence"] = convergence_figure(
-        run.result.history,
-        f"{title}, {status}",
-        settings.get("tolerance"),
-        settings.get("force_tolerance"),
-        run.result.residual_N if scene.has_flow else None,  # no flow to evaluate again
-    )
+    if scene.has_structure:
+        drawn["convergence"] = convergence_figure(
+            run.result.history,
+            f"{title}, {status}",
+            settings.get("tolerance"),
+            settings.get("force_tolerance"),
+            run.result.residual_N if scene.has_flow else None,  # no flow to evaluate again
+        )
     if state.strips is not None:
         drawn["strips"] = figures.strip_figure(state.strips, f"{title}, {status}")
         if state.strips.coefficients is not None:
             drawn["polars"] = figures.polar_figure(state.strips, f"{title}, {status}")
-    images = {name: figures.rendered(figure) for name, figure in drawn.items()}
-    content_of: dict[str, str | bytes] = {f"{n}.{kind}": data for n, i in images.items() for kind, data in i.items()}
-    content_of["wing.vtu"] = vtk.wing_file(state.surface)
-    if skin is not None:
-        content_of["membranes.vtu"] = vtk.membranes_file(skin)
-    if state.frame is not None:
-        content_of["structure.vtu"] = vtk.structure_file(state.frame)
-    if len(state.surface.lines):
-        content_of["lines.vtu"] = vtk.lines_file(state.surface)
-    captions = CAPTIONS if scene.has_flow else {**CAPTIONS, "shape": AT_REST}
-    shown = {name: (captions[name], image["svg"]) for name, image in images.items()}
-    content_of[PAGE] = page(scene, run, content, state, shown, cores)
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in REPORT:  # so that none of an earlier run stands beside them
-        (folder / name).unlink(missing_ok=True)
-    for name, data in content_of.items():
-        write_whole(folder / name, data)
-    return list(content_of)
+    return drawn

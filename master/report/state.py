@@ -140,10 +140,11 @@ def final_state(scene: Any, run: "Run") -> FinalState:
     """The final state of a `run` of `scene`, see the classes above."""
     aero, structural = run.blocks["aero"], run.blocks["structural"]
     mesh, axes = scene.interface, wind_axes(run.blocks["aero"].get("wind_direction"))
-    loaded = aero["displacement"] if scene.has_flow else structural["displacement"]  # the shape that the loads are for
+    shown = (structural if scene.has_structure else aero)["displacement"]
+    loaded = aero["displacement"] if scene.has_flow else shown  # the shape that the loads are for
     surface = Surface(
         mesh.nodes,
-        mesh.nodes + structural["displacement"],
+        mesh.nodes + shown,
         np.asarray(mesh.panels),
         panel_loads(mesh.nodes + loaded, mesh.panels, aero),
         mesh.lines,
@@ -154,7 +155,7 @@ def final_state(scene: Any, run: "Run") -> FinalState:
     if scene.pivot is not None:
         wing, heading = np.unique(mesh.panels), scene.heading
         x = heading.started(mesh.nodes[wing], {}) - heading.about
-        q = (mesh.nodes + structural["displacement"])[wing] - heading.about
+        q = (mesh.nodes + shown)[wing] - heading.about
         x, q = (heading.inward(v, values) for v, values in ((x, {}), (q, structural)))
         turn = float(np.arctan2(np.sum(x[:, 2] * q[:, 0] - x[:, 0] * q[:, 2]), np.sum(x[:, [0, 2]] * q[:, [0, 2]])))
         pivot = scene.members.labels[scene.pivot]
@@ -183,7 +184,7 @@ def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None, axes: 
 def _strips(scene: Any, aero: dict[str, np.ndarray], surface: Surface, axes: np.ndarray) -> Strips | None:
     """The strips of a lifting line: panels i, i + strips, ... belong to strip i."""
     layout = None if scene.wing_model is None else scene.wing_model.strips
-    if layout is None or not np.all(np.isfinite(surface.position)):
+    if layout is None or not np.all(np.isfinite(surface.position)) or np.any(np.isnan(aero[layout.angle])):
         return None
     sections, n, angle = layout.sections, len(layout.sections) - 1, aero[layout.angle]
     edge = surface.position[sections]

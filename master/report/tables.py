@@ -167,14 +167,14 @@ def summary(run: "Run", settings: dict[str, Any]) -> dict[str, Any]:
     judged = run.stability
     return {
         "scene": settings["scene"],
-        "scheme": settings["scheme"],
+        "scheme": settings.get("scheme"),  # none for a rigid wing
         "backend": settings["backend"],
         "status": run.status,
         "message": run.message,
         "coupling_iterations": result.iterations,
         "residual": result.residual,
         "residual_N": result.residual_N,
-        "first_residual": result.history[0]["residual_m"],
+        "first_residual": result.history[0]["residual_m"] if result.history else None,
         "statically_stable": None if judged is None else judged.statically_stable,
         "stability": None
         if judged is None
@@ -186,7 +186,7 @@ def summary(run: "Run", settings: dict[str, Any]) -> dict[str, Any]:
         "recoveries": [asdict(r) for r in result.recoveries],
         "validity": [judgement.record() for judgement in run.validity],
         "remarks": run.remarks,
-        "solver_calls": {"structural": run.evaluations, "aero": run.evaluations},
+        "solver_calls": {side: run.evaluations if run.blocks[side] else 0 for side in ("structural", "aero")},
         "wall_time_s": {
             "total": seconds["total"],
             "structural": seconds["structural"],
@@ -213,6 +213,8 @@ def _small_outputs(run: "Run") -> dict[str, Any]:
 def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[str, str]]:
     """What a run found, as names and texts with units; `content` is what summary.json holds."""
     aero, structural, result = run.blocks["aero"], run.blocks["structural"], run.result
+    if not scene.has_structure:
+        return _rigid_rows(scene, run, content)
     how = f"{content['scheme']}, {content['settings'].get('order', 'serial')}, {content['backend']}"
     rows = [
         ("scheme, order, backend", how),
@@ -256,6 +258,18 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
     wall = content["wall_time_s"]
     rows.append(("solve", f"{wall['total']:.3f} s (structure {wall['structural']:.3f}, flow {wall['aero']:.3f})"))
     return rows
+
+
+def _rigid_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[str, str]]:
+    """The same of a rigid wing, whose flow was solved once."""
+    aero = run.blocks["aero"]
+    rows = [("rigid wing", f"no structure, {content['backend']}"), validity_row(run.validity)]
+    if run.status == "converged":
+        about, _ = scene.moments_about
+        rows += _flow_rows(scene, aero)
+        rows.append((f"moment about the {about}", _vector(aero["moment"]) + " N m"))
+        rows.append(("lift over drag", f"{float(aero['glide_ratio']):.3f}"))
+    return [*rows, ("solve", f"{content['wall_time_s']['total']:.3f} s")]
 
 
 def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from master.commands import BACKENDS, prepared
 from master.coupling.convergence import required_count, required_number
+from master.coupling.equilibrium import require_structure
 from master.coupling.exchange import ORDERS
 from master.coupling.schemes import SCHEMES, defaults
 from master.coupling.simulation import PARAMETERS
@@ -83,6 +84,7 @@ def grid(
         raise ValueError("--stop-time and --step are for transient scenes, and none is compared; leave them out.")
     cells = []
     for scene, given, case in cases:
+        require_structure(scene)
         stop, step = None, None
         if scene.transient:
             stop, step = transient_times(scene, transient.get("stop_time"), transient.get("step"))

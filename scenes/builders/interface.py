@@ -49,13 +49,7 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
     on the bay, extended beyond the edges, plus the smallest change that hits the point exactly. Affine combinations
     turn with the structure, so rigid motion, force, moment and virtual work are kept exactly.
     """
-    count = (len(struts) - 1) * per_bay
-    at = np.linspace(0.0, len(leading_edge) - 1.0, count + 1)
-    k = np.minimum(at.astype(int), len(leading_edge) - 2)
-    f = (at - k)[:, None]
-    le = leading_edge[k] + f * (leading_edge[k + 1] - leading_edge[k])
-    te = trailing_edge[k] + f * (trailing_edge[k + 1] - trailing_edge[k])
-    points = (le[:, None] + CHORD_FRACTIONS[:, None] * (te - le)[:, None]).reshape(-1, 3)
+    points = _stations(leading_edge, trailing_edge, (len(struts) - 1) * per_bay)
     bay, xi, eta = _project(points, nodes, struts)
     weights = _bilinear(len(nodes), struts, bay, xi, eta).tolil()
     bays = len(struts) - 1
@@ -68,6 +62,22 @@ def design_interface(nodes, struts, leading_edge, trailing_edge, per_bay):
     weights.data[np.abs(weights.data) <= ROUNDING] = 0.0
     weights.eliminate_zeros()
     return _interface(points, weights)
+
+
+def edges_interface(leading_edge, trailing_edge, per_gap):
+    """Sections (d,3) of a rigid wing, with `per_gap` strips between two of them: its nodes are the interface nodes."""
+    points = _stations(leading_edge, trailing_edge, (len(leading_edge) - 1) * per_gap)
+    return _interface(points, sp.eye_array(len(points), format="csr"))
+
+
+def _stations(leading_edge, trailing_edge, count):
+    """Stations (3 (count + 1), 3) m of the sections of `count` strips along the rows (d,3) of the edges."""
+    at = np.linspace(0.0, len(leading_edge) - 1.0, count + 1)
+    k = np.minimum(at.astype(int), len(leading_edge) - 2)
+    f = (at - k)[:, None]
+    le = leading_edge[k] + f * (leading_edge[k + 1] - leading_edge[k])
+    te = trailing_edge[k] + f * (trailing_edge[k + 1] - trailing_edge[k])
+    return (le[:, None] + CHORD_FRACTIONS[:, None] * (te - le)[:, None]).reshape(-1, 3)
 
 
 def grid_interface(nodes, grid):
@@ -91,6 +101,17 @@ def face_interface(nodes, triangles):
     weights = sp.csr_array((np.ones(len(used)), (np.arange(len(used)), used)), shape=(len(used), len(nodes)))
     sections = np.zeros((0, 3), dtype=int)
     return Interface(nodes[used], corners[:, [0, 1, 2, 2]], weights, sections, CHORD_FRACTIONS)
+
+
+def body_interface(surface, nodes, skin=None):
+    """The interface of a `ClosedSurface`: its panels and trailing edges on structural nodes (n,3) m, its own in their
+    order, or those `skin` (b,) that stand where its own do.
+    """
+    at = np.arange(len(nodes)) if skin is None else skin
+    weights = sp.csr_array((np.ones(len(at)), (np.arange(len(at)), at)), shape=(len(at), len(nodes)))
+    sections = np.zeros((0, 3), dtype=int)
+    more = {"trailing_edges": surface.trailing_edges, "remarks": surface.remarks}
+    return Interface(nodes[at], surface.panels, weights, sections, CHORD_FRACTIONS, **more)
 
 
 def lines_interface(nodes):

@@ -8,6 +8,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from interface.topology import distinct_pairs, listed
+
 from ..schema import SceneError
 
 SIDES = ((0, 1), (1, 2), (2, 0))  # corners that side 0, 1, 2 of a triangle joins
@@ -101,30 +103,6 @@ class TriangleMesh:
     def called(self, rows: np.ndarray, most: int = 5) -> str:
         """'element 7', 'elements 7, 9 and 12' or 'elements 7, 9, ... and 31 more' of rows of triangles."""
         return "element" + listed(self.triangle_numbers[np.asarray(rows)], most)
-
-
-def listed(numbers: np.ndarray, most: int = 5) -> str:
-    """' 7', 's 7, 9 and 12' or 's 7, 9, 12, 15, 16 and 31 more', to stand behind a noun."""
-    texts = [str(n) for n in numbers]
-    if len(texts) == 1:
-        return f" {texts[0]}"
-    if len(texts) <= most:
-        return f"s {', '.join(texts[:-1])} and {texts[-1]}"
-    return f"s {', '.join(texts[:most])} and {len(texts) - most} more"
-
-
-def agreed(count: int, one: str, many: str) -> str:
-    """The word for one thing or for many."""
-    return one if count == 1 else many
-
-
-def distinct_pairs(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The distinct rows (u,2) of pairs (p,2) of node indices, ascending, where each stands first (u,), and which of
-    them each pair is (p,).
-    """
-    base = int(pairs.max(initial=0)) + 1  # one number a pair: several times faster to sort than rows
-    _, first, which = np.unique(pairs[:, 0] * base + pairs[:, 1], return_index=True, return_inverse=True)
-    return pairs[first], first, which
 
 
 def _united(rows: Sequence[np.ndarray]) -> np.ndarray:

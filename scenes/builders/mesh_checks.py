@@ -4,8 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from interface.topology import agreed, listed
+
 from ..schema import SceneError
-from .mesh import SIDES, TriangleMesh, agreed, listed, loose_nodes, without_nodes
+from .mesh import SIDES, TriangleMesh, loose_nodes, without_nodes
 from .patterns import THIN, pattern_areas
 from .topology import connected_nodes, edges, enclosed_volume, open_sides, orientation, rigid_modes
 

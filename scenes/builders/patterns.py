@@ -6,8 +6,10 @@ counterclockwise. Fabric has its directions there: an angle is from the first ax
 
 import numpy as np
 
+from interface.topology import listed
+
 from ..schema import SceneError
-from .mesh import SIDES, TriangleMesh, listed
+from .mesh import SIDES, TriangleMesh
 
 THIN = 1e-9  # area over the square of the longest side, below which a triangle has none
 STEEP = 1e-3  # a direction whose share within a triangle is below this stands on it

@@ -4,7 +4,7 @@ The skin keeps the nodes of the quads, so that structure and flow share one surf
 profile sections, with nodes of their own inside.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,36 +13,74 @@ from .mesh import Parts, TriangleMesh
 
 CLOSE = 1e-9  # of the longer one, within which two diagonals are alike
 TILT = 0.6  # weight of z beside x where diagonals are alike; any will do that treats both sides of the wing the same
+_NOTHING = np.zeros((0, 3)), np.zeros((0, 3), dtype=int)
 
 
 def ram_air_mesh(
-    nodes: np.ndarray, panels: np.ndarray, ribs: Sequence[np.ndarray], rows: int = 4, label: str = "ram-air wing"
+    nodes: np.ndarray,
+    panels: np.ndarray,
+    ribs: Sequence[np.ndarray],
+    rows: int = 4,
+    attachments: Mapping[str, float] | None = None,
+    tips: bool = False,
+    label: str = "ram-air wing",
 ) -> TriangleMesh:
     """Skin and ribs of a closed wing of `panels` (m,4), a triangle repeating its last node, on `nodes` (n,3) m.
 
     `ribs` are rows of nodes round the profile, each from the trailing edge over one side to the nose and back along the
     other, without the first one again; of p nodes the k-th and the (p-k)-th stand above each other, joined by a column
-    of up to `rows` sides where the rib is highest and fewer where it is not. Triangles of panel k are 2k and 2k + 1 as
-    far as all are quads. Parts: the triangles "skin", "ribs" and "rib_1" ... in the order of `ribs`; the lines "rib_1"
-    ... round them. ValueError for rows of fewer than four nodes, or less than one side in a column.
+    of up to `rows` sides where the rib is highest and fewer where it is not. With `tips` the panels themselves close
+    the first and the last of the rows, which are not filled. Triangles of panel k are 2k and 2k + 1 as far as all are
+    quads. Parts: the triangles "skin", "ribs" and "rib_1" ... in the order of `ribs`; the lines "rib_1" ... round them;
+    and for every name of `attachments` the points "name" on all ribs and "name_1" ... on each, the nodes of the lower
+    side that are nearest to a share of the chord, 1 being the trailing edge.
+
+    ValueError for rows of fewer than four nodes, less than one side in a column, shares that are none, and two
+    attachments at one node.
     """
     if rows < 1 or any(len(rib) < 4 for rib in ribs):
         raise ValueError("ribs need four nodes round their profile and one row of triangles, or more.")
     skin = _split(nodes, panels)
-    places, triangles, parts, lines = [nodes], [skin], {"skin": np.arange(len(skin))}, []
+    places, triangles, parts = [nodes], [skin], {"skin": np.arange(len(skin))}
     line_parts: Parts = {}
+    lines: list[np.ndarray] = []
     count, at = len(nodes), len(skin)
     for k, rib in enumerate(ribs):
-        inner, filled = _rib(nodes, np.asarray(rib), rows, count)
+        closed = tips and k in (0, len(ribs) - 1)
+        inner, filled = _rib(nodes, np.asarray(rib), rows, count) if not closed else _NOTHING
         places.append(inner)
         triangles.append(filled)
-        parts[f"rib_{k + 1}"] = at + np.arange(len(filled))
-        line_parts[f"rib_{k + 1}"] = sum(map(len, lines)) + np.arange(len(rib))
+        if not closed:
+            parts[f"rib_{k + 1}"] = at + np.arange(len(filled))
+        line_parts[f"rib_{k + 1}"] = sum(len(row) for row in lines) + np.arange(len(rib))
         lines.append(np.stack([rib, np.roll(rib, -1)], axis=1))
         count, at = count + len(inner), at + len(filled)
     parts["ribs"] = np.arange(len(skin), at)
     every = np.concatenate([np.zeros((0, 2), dtype=int), *lines])
-    return TriangleMesh(np.concatenate(places), np.concatenate(triangles), every, parts, line_parts, {}, label)
+    points = _attached(nodes, ribs, attachments or {})
+    return TriangleMesh(np.concatenate(places), np.concatenate(triangles), every, parts, line_parts, points, label)
+
+
+def _attached(nodes, ribs, shares):
+    """Name -> nodes of the attachments, all of a row and one by one."""
+    points: Parts = {}
+    for name, share in shares.items():
+        if not 0.0 <= share <= 1.0:
+            raise ValueError(f"the attachment '{name}' must be at a share of the chord from 0 to 1; it is {share:g}.")
+        found = []
+        for k, rib in enumerate(ribs):
+            lower = np.append(rib[len(rib) // 2 :], rib[0])
+            chord = nodes[rib[0]] - nodes[lower[0]]
+            at = (nodes[lower] - nodes[lower[0]]) @ chord / (chord @ chord)
+            found.append(int(lower[np.argmin(np.abs(at - share))]))
+            points[f"{name}_{k + 1}"] = np.array(found[-1:])
+        points[name] = np.unique(found)
+    taken = [int(n) for name in shares for n in points[name]]
+    if len(set(taken)) < len(taken):
+        raise ValueError(
+            "two attachments are at one node; set them further apart or take more panels round the profile."
+        )
+    return points
 
 
 def _split(nodes, panels):

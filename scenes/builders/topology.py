@@ -11,7 +11,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from .mesh import SIDES, distinct_pairs
+from interface.topology import distinct_pairs, in_order, turning
+
+from .mesh import SIDES
 
 # Points and weights of a rule on the triangle that is exact to degree 4 (Dunavant 1985, six points, in closed form):
 # the volume under a triangle of second order is of degree 4.
@@ -91,16 +93,8 @@ def connected_nodes(count: int, elements: Sequence[np.ndarray]) -> np.ndarray:
     for e in elements:
         used[e.ravel()] = True
     part = np.full(count, -1)
-    part[used] = _in_order(label[used])
+    part[used] = in_order(label[used])
     return part
-
-
-def _in_order(labels):
-    """Labels renumbered 0, 1, 2 ... as they first occur."""
-    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=int)
-    rank[np.argsort(first)] = np.arange(len(first))
-    return rank[inverse.ravel()]
 
 
 def connected_triangles(triangles: np.ndarray) -> np.ndarray:
@@ -124,26 +118,13 @@ class Orientation:
 def orientation(triangles: np.ndarray) -> Orientation:
     """Which triangles (m,3|6) to turn over, the fewer of each patch, so that neighbours run opposite ways along their
     common edge. Nothing is to be turned in a patch of one side only, such as a Moebius strip.
-
-    Every triangle stands twice in a graph, as it is and turned over; whoever hangs together there agrees.
     """
-    m = len(triangles)
     found = edges(triangles)
     one, other, (side, back) = _pairs(found)
     agree = found.forward[one, side] != found.forward[other, back]
-    rows = np.concatenate([one, one + m])
-    columns = np.concatenate([np.where(agree, other, other + m), np.where(agree, other + m, other)])
-    state = connected_components(sp.coo_array((np.ones(len(rows)), (rows, columns)), shape=(2 * m, 2 * m)))[1]
-    patch = _in_order(
-        connected_components(sp.coo_array((np.ones(len(one)), (one, other)), shape=(m, m)), directed=False)[1]
-    )
-    first = np.unique(patch, return_index=True)[1]
-    orientable = (state[:m] != state[m:])[first]
-    flip = (state[:m] != state[first][patch]) & orientable[patch]
-    size = np.bincount(patch)
-    flip ^= (2 * np.bincount(patch, flip) > size)[patch]
-    closed = np.bincount(patch, np.any(found.count[found.of_triangle] != 2, axis=1)) == 0
-    return Orientation(patch, flip, orientable, closed)
+    turn = turning(len(triangles), one, other, agree)
+    wrong = np.any(found.count[found.of_triangle] != 2, axis=1)
+    return Orientation(turn.patch, turn.flip, turn.orientable, np.bincount(turn.patch, wrong) == 0)
 
 
 def outward_flips(nodes: np.ndarray, triangles: np.ndarray) -> np.ndarray:

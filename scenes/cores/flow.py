@@ -44,7 +44,7 @@ class FlowSolver(Solver):
         self._wing, self._lines = wing, lines
         self.models = tuple(m for m in (wing, lines) if m is not None)
         self._outputs = [{v.name for v in m.variables if v.causality == "output"} for m in self.models]
-        self._about = np.zeros(3) if scene.pivot is None else scene.members.nodes[scene.pivot]
+        self._about_what, self._about = scene.moments_about
         self._heading, self._turns = scene.heading, scene.trim is not None and scene.pivot is not None
         own = () if wing is None else (reference_area_criterion(scene.aero.reference_area, scene.interface),)
         self.criteria = own + tuple(c for m in self.models for c in m.criteria)
@@ -114,7 +114,7 @@ class FlowSolver(Solver):
         yield output("CD", description=f"drag coefficient {area}")
         yield output("CS", description=f"side force coefficient {area}")
         yield output("force", (3,), unit="N", description="aerodynamic force on the wing")
-        text = f"aerodynamic moment on the wing about the {'origin' if self._scene.pivot is None else 'pivot'}"
+        text = f"aerodynamic moment on the wing about the {self._about_what}"
         yield output("moment", (3,), unit="N.m", description=text)
 
     def check(self, block, array):

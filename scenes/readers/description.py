@@ -6,12 +6,13 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from aero.methods import method_options, methods
+from aero.methods import method_options, methods, of_bodies
 from aero.model import Option
 
 from ..schema import (
     SECTIONS,
     AeroInput,
+    BodyInput,
     Choices,
     DynamicsInput,
     MembranesInput,
@@ -30,7 +31,11 @@ from .settings import offered_settings, setting, variant
 
 Check = Callable[[Any], Any]
 # Sections that a scene may do without.
-_OPTIONAL = ("membranes", "wing", "aero", "trim", "dynamics")
+_OPTIONAL = ("membranes", "body", "wing", "aero", "trim", "dynamics")
+# Settings and keys of [aero] that mean something to a rigid wing, and to lines.
+_RIGID_SETTINGS = ("panels_per_section", "scale", "variant")
+_BODY_SETTINGS = ("scale", "variant")
+_OF_LINES = ("line_normal_drag", "line_friction")
 
 
 @dataclass(frozen=True)
@@ -44,8 +49,9 @@ class Description:
     offers: dict[str, Setting]
     chosen: dict[str, Any]
     choices: Choices
-    structure: StructureInput
+    structure: StructureInput | None
     membranes: MembranesInput | None
+    body: BodyInput | None
     wing: WingInput | None
     aero: AeroInput | None
     trim: TrimInput | None
@@ -124,12 +130,17 @@ def read_description(folder: Path, settings: Mapping[str, Any]) -> Description:
 def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Name -> section, None where the scene has none."""
     absent = {section for section in _OPTIONAL if section not in content and section not in changes}
-    lacks = next((n for n, o in (("aero", "wing"), ("wing", "trim")) if n in absent and o not in absent), None)
+    needed = ("aero", "wing"), ("aero", "body"), ("wing", "trim")
+    lacks = next((n for n, o in needed if n in absent and o not in absent), None)
     if lacks:
         raise SceneError(
-            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] needs [aero]; a scene without a "
-            "wing has a flow around its lines, or none)."
+            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] and [body] need [aero]; a scene "
+            "without a wing has a flow around its lines, or none)."
         )
+    rigid = not any(section in content or section in changes for section in ("structure", "membranes"))
+    if rigid:
+        _check_rigid(label, content, changes)
+        absent.add("structure")
     found: dict[str, Any] = {}
     for section in SECTIONS:
         given = content.get(section, {})
@@ -139,6 +150,10 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
         if not isinstance(given, dict):
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
         found[section] = _section(label, section, {**given, **changes.get(section, {})})
+    _check_method(label, found)
+    if rigid:
+        return found
+    _check_aero_of_structure(label, found)
     soft = [k for k in ("springs", "canopy", "tubes") if getattr(found["structure"], k) is not None]
     _check_membranes(label, found)
     if found["aero"] is not None and found["wing"] is None and soft:
@@ -152,6 +167,76 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
     return found
 
 
+def _check_rigid(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
+    """`SceneError` where a scene without a structure says what only a structure gives a meaning."""
+    given = {section: {**_keys(content, section), **changes.get(section, {})} for section in SECTIONS}
+    if "aero" not in content and "aero" not in changes:
+        raise SceneError(
+            f"{label} lacks what the scene is made of: [structure] with nodes, [membranes], or [wing] or [body] and "
+            "[aero] of a rigid wing; add it."
+        )
+    there = [section for section in ("wing", "body") if section in content or section in changes]
+    if not there:
+        raise SceneError(
+            f"{label} lacks a section [wing] or [body], whose flow [aero] is to describe, or [structure] with lines; "
+            "add it."
+        )
+    why = "but there is no [structure], so that the wing is rigid and held"
+    for section, what in (("trim", "turns a kite"), ("dynamics", "moves a structure")):
+        if section in content or section in changes:
+            raise SceneError(f"{label}: [{section}] {what}, {why}; drop it or add [structure].")
+    if "struts" in given["wing"]:
+        raise SceneError(f"{label}: [wing] struts are nodes of a structure, {why}; drop the key or add [structure].")
+    for key in _OF_LINES:
+        if key in given["aero"]:
+            raise SceneError(f"{label}: [aero] {key} is that of lines, {why}; drop the key or add [structure].")
+    settings = content.get("settings", {})
+    for key in settings if isinstance(settings, dict) else ():
+        if key not in (_BODY_SETTINGS if there == ["body"] else _RIGID_SETTINGS):
+            raise SceneError(
+                f"{label}: [settings.{key}] means nothing to a rigid wing, without [structure]; remove it."
+            )
+
+
+def _check_method(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where the method for the flow is not one for what the scene has."""
+    body, wing, aero = (found[section] for section in ("body", "wing", "aero"))
+    skin = found["membranes"] is not None and found["membranes"].shape == "body"
+    if body is not None and found["structure"] is not None and not skin:
+        raise SceneError(
+            f"{label}: [body] is rigid and stands in a scene of its own; drop it, or [structure], or let [membranes] "
+            'be its skin (shape = "body").'
+        )
+    if body is not None and wing is not None:
+        raise SceneError(f"{label} has a closed [body] and the sheet of a [wing]; drop one of them.")
+    if aero is None or (body is None and wing is None):
+        return
+    if of_bodies(aero.method) != (body is not None):
+        fits = ", ".join(f'"{name}"' for name in methods() if of_bodies(name) == (body is not None))
+        what = "[wing], a sheet of sections with polars," if body is None else "[body], a closed surface,"
+        raise SceneError(f'{label}: [aero] method "{aero.method}" is not for {what} as {fits} is; name another one.')
+
+
+def _keys(content: Mapping[str, Any], section: str) -> Mapping[str, Any]:
+    given = content.get(section, {})
+    return given if isinstance(given, dict) else {}
+
+
+def _check_aero_of_structure(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where [aero] says what [structure] says."""
+    aero, structure = found["aero"], found["structure"]
+    if aero is None:
+        return
+    if aero.symmetric is not None:
+        raise SceneError(
+            f"{label}: [aero] symmetric is for scenes without [structure]; say it there, for structure and flow."
+        )
+    if aero.reference_point is not None and structure.pivot is not None:
+        raise SceneError(
+            f"{label}: [aero] reference_point stands beside [structure] pivot, which moments are about; drop it."
+        )
+
+
 def _check_membranes(label: str, found: Mapping[str, Any]) -> None:
     """`SceneError` where nodes come from nowhere, and where membranes meet what they have no part in yet."""
     structure, membranes = found["structure"], found["membranes"]
@@ -163,10 +248,15 @@ def _check_membranes(label: str, found: Mapping[str, Any]) -> None:
         raise SceneError(
             f"{label}: [membranes] have no dynamics yet; drop [dynamics] and solve for the static equilibrium."
         )
-    if found["aero"] is not None and found["wing"] is None:
+    if found["aero"] is not None and found["wing"] is None and found["body"] is None:
         raise SceneError(
             f"{label} lacks a section [wing], whose flow [aero] is to describe; add it, or drop [aero] (only lines "
             "have a flow without it, and there are [membranes])."
+        )
+    if found["body"] is not None and membranes.pressures:
+        raise SceneError(
+            f"{label}: [membranes.pressures] stand beside the pressure inside [body] that its flow sends; drop them "
+            "and say internal_pressure_coefficient in [aero]."
         )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +19,9 @@ from ..schema import Choices, MembranesInput, SceneError, StructureInput
 from .elements import Element, canopy_bending, canopy_quads, lines, mass_shares, point_masses, springs
 from .inflatable_wing import read_wing_mesh
 from .tables import name, number, read_table
+
+if TYPE_CHECKING:
+    from ..builders.wings import ClosedSurface
 
 NEEDED = ("ribs", "tube_pressure", "canopy_stiffness", "canopy_shear_stiffness")
 OF_FABRIC = ("tube_stiffness", "tube_shear_stiffness")
@@ -35,11 +39,13 @@ def read_members(
     offered: Iterable[str],
     wind: tuple[float, ...],
     membranes: MembranesInput | None = None,
+    surface: "ClosedSurface | None" = None,
 ) -> Members:
     """All members of the sections [structure] and [membranes], checked: missing and duplicate nodes and names, parts
     that nothing holds.
 
-    `offered` are the names of the settings that the scene has, `wind` its direction, which tells left from right.
+    `offered` are the names of the settings that the scene has, `wind` its direction, which tells left from right,
+    `surface` that of [body], in the scale of the tables.
     """
     check_wing_keys(folder, structure, choices, offered)
     check_membrane_settings(folder, offered, membranes)
@@ -58,7 +64,7 @@ def read_members(
         weighs = structure.masses is not None or any(f.density for f in membranes.fabrics.values())
         dead = structure.loads is not None or (weighs and structure.gravity != 0.0)
         own = labels, nodes, fixed, alone, dead
-        placed = read_membranes(folder, membranes, choices, *own)
+        placed = read_membranes(folder, membranes, choices, *own, surface)
         labels, nodes, fixed = placed.labels, placed.nodes, placed.fixed
     table_index = {label: i for i, label in enumerate(labels)}
     elements: list[Element] = []

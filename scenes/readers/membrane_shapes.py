@@ -9,6 +9,8 @@ import numpy as np
 
 from ..builders import surfaces
 from ..builders.mesh import TriangleMesh
+from ..builders.ram_air import ram_air_mesh
+from ..builders.wings import ClosedSurface
 from ..schema import Choices, MembranesInput, SceneError
 from .tables import name, number, read_table
 
@@ -21,13 +23,18 @@ SIZES: dict[str, tuple[tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]] 
     "cylinder": (("radius", "length"), "cells_around", (), ("share", "diagonals", "caps")),
     "sphere": (("radius",), "", (), ("share",)),
     "ruled": ((), "cells_along", (), ("diagonals", "profiles")),
+    "body": ((), "", ("rib_rows",), ("attachments",)),
 }
 MOST = 500_000  # cells, of which a machine has solved as many as fit into its memory long before
 STEPS = (6, 4, 10)  # of the cells around a cylinder, which its caps need
 
 
-def made_mesh(folder: Path, given: MembranesInput, choices: Choices, order: int) -> TriangleMesh:
-    """The mesh of the shape of [membranes]; SceneError in one sentence for sizes that it cannot have."""
+def made_mesh(
+    folder: Path, given: MembranesInput, choices: Choices, order: int, surface: ClosedSurface | None = None
+) -> TriangleMesh:
+    """The mesh of the shape of [membranes], which may be the `surface` of [body]; SceneError in one sentence for sizes
+    that it cannot have.
+    """
     shape = str(given.shape)
     where = f"{folder.name}/scene.toml: [membranes"
     sizes, second, others, keys = SIZES[shape]
@@ -39,7 +46,7 @@ def made_mesh(folder: Path, given: MembranesInput, choices: Choices, order: int)
     if shape == "ruled" and given.profiles is None:
         raise SceneError(f"{where}] lacks 'profiles', the table of the profiles of a ruled surface; add it.")
     defaults = MembranesInput()
-    for key in ("share", "diagonals", "caps", "profiles"):
+    for key in ("share", "diagonals", "caps", "profiles", "attachments"):
         if key not in keys and getattr(given, key) != getattr(defaults, key):
             raise SceneError(f"{where}] {key} means nothing to a {shape}; drop it.")
     whole = {key: _count(f"{where}.size] {key}", given.size[key]) for key in known[len(sizes) :] if key in given.size}
@@ -48,6 +55,12 @@ def made_mesh(folder: Path, given: MembranesInput, choices: Choices, order: int)
     if shape == "ruled":
         assert given.profiles is not None
         lengths = [_profiles(folder / given.profiles)]
+    elif shape == "body":
+        lengths = [_lofted(where, surface)]
+        if order == 2:
+            raise SceneError(
+                f"{where}] order 2 means nothing to a body, whose panels have no nodes on their sides; take 1."
+            )
     cells = _cells(whole, second, choices.cells)
     if cells[0] * (cells[1] or cells[0]) * max([1, *(whole.get(key, 1) for key in others)]) > MOST:
         raise SceneError(f"{where}.size] asks for more than {MOST} cells; take fewer.")
@@ -108,6 +121,26 @@ def _ruled(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
     return surfaces.ruled(lengths[0], cells[0], cells[1], **options)
 
 
+def _lofted(where: str, surface: ClosedSurface | None) -> ClosedSurface:
+    """The surface whose skin is wanted."""
+    if surface is None:
+        raise SceneError(f'{where}] shape "body" is the skin of a section [body]; add it.')
+    if surface.sections is None:
+        raise SceneError(f'{where}] shape "body" needs a [body] of the shape "wing", whose ribs are known.')
+    return surface
+
+
+def _body(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
+    surface, rows = lengths[0], lengths[0].sections
+    strips = len(rows) - 1
+    if strips % cells[0]:
+        raise ValueError(f"{strips} strips of the wing are no whole number of each of {cells[0]} cells.")
+    ribs = list(rows[:: strips // cells[0]])
+    return ram_air_mesh(
+        surface.nodes, surface.panels, ribs, whole.get("rib_rows", 4), options["attachments"], True, "ram-air wing"
+    )
+
+
 # Shape -> a function of sizes, cells, other whole numbers and options.
 MAKERS: dict[str, Callable[..., TriangleMesh]] = {
     "rectangle": _rectangle,
@@ -116,4 +149,5 @@ MAKERS: dict[str, Callable[..., TriangleMesh]] = {
     "cylinder": _cylinder,
     "sphere": _sphere,
     "ruled": _ruled,
+    "body": _body,
 }

@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from interface.topology import agreed
 from structural.elements.membranes import Membranes, flat_patterns
 from structural.materials.membranes import LinearMembrane
 
-from ..builders.mesh import TriangleMesh, agreed, quadratic
+from ..builders.mesh import TriangleMesh, quadratic
 from ..builders.mesh_checks import check_closed, check_pattern, check_pressurised, check_supports
 from ..builders.patterns import fibre_angles, laid_flat, pattern_lengths, pattern_of_lengths, shortened
 from ..builders.topology import boundary_edges
+from ..builders.wings import ClosedSurface
 from ..members import MembraneMesh, MembranePressure, MembraneSupport
 from ..schema import CableInput, Choices, FabricInput, MembranesInput, SceneError
 from .elements import Element
@@ -26,7 +28,7 @@ from .tables import positive, read_table, whole
 ISOTROPIC = ("stiffness", "modulus", "thickness", "poisson")
 ORTHOTROPIC = ("stiffness_warp", "stiffness_weft", "shear_stiffness", "poisson_warp")
 ONLY_FILE = ("unit", "groups", "drop_loose_nodes", "parts_may_be_apart")
-ONLY_SHAPE = ("size", "profiles")
+ONLY_SHAPE = ("size", "profiles", "attachments")
 IN_PLANE = 1e-9  # of the extent of the mesh, within which an edge lies in a plane of symmetry
 
 
@@ -52,15 +54,16 @@ def read_membranes(
     fixed: np.ndarray,
     alone: bool,
     dead: bool,
+    surface: ClosedSurface | None = None,
 ) -> Placed:
     """The membranes of a scene on the nodes of its tables (`labels`, `nodes` (n,3) m, `fixed` (n,3)) and their own.
 
     `alone`: nothing but membranes and their cables holds the nodes of the mesh, so that supports must leave no rigid
-    mode; `dead`: loads of a direction of their own let it turn about its supports to where it is at rest. SceneError
-    in one sentence for whatever is wrong.
+    mode; `dead`: loads of a direction of their own let it turn about its supports to where it is at rest. `surface` is
+    that of [body], whose skin they may be. SceneError in one sentence for whatever is wrong.
     """
     where = f"{folder.name}/scene.toml: [membranes"
-    mesh = _mesh(folder, given, choices)
+    mesh = _mesh(folder, given, choices, surface)
     place = _tied(where, given.tie, mesh, labels, nodes)
     more = np.flatnonzero(place >= len(nodes))
     labels = (*labels, *_labels(mesh, more, labels))
@@ -78,11 +81,12 @@ def read_membranes(
     pressures = tuple(_pressures(where, given, mesh, place, fixed[place]))
     seams = {name: place[sides] for name, sides in _seams(mesh).items()}
     names = tuple(element.name for element, _ in cables)
+    skin = None if surface is None else place[: len(surface.nodes)]
     return Placed(
         labels,
         nodes,
         fixed,
-        MembraneMesh(group, tuple(given.fabrics), fabric, tuple(supports), pressures, seams, names, mesh.remarks),
+        MembraneMesh(group, tuple(given.fabrics), fabric, tuple(supports), pressures, seams, names, mesh.remarks, skin),
         cables,
     )
 
@@ -90,7 +94,7 @@ def read_membranes(
 # Mesh and nodes
 
 
-def _mesh(folder: Path, given: MembranesInput, choices: Choices) -> TriangleMesh:
+def _mesh(folder: Path, given: MembranesInput, choices: Choices, surface: ClosedSurface | None) -> TriangleMesh:
     """The mesh of a file or of a shape, of the wanted order."""
     where, order = f"{folder.name}/scene.toml: [membranes]", choices.order or given.order
     if (given.mesh is None) == (given.shape is None):
@@ -102,8 +106,8 @@ def _mesh(folder: Path, given: MembranesInput, choices: Choices) -> TriangleMesh
     if odd:
         raise SceneError(f"{where} {odd[0]} means nothing to a {'shape' if given.mesh is None else 'file'}; drop it.")
     if given.mesh is None:
-        made = made_mesh(folder, given, choices, order)
-        check_size(made, given.unit, "give sizes and profiles in m")
+        made = made_mesh(folder, given, choices, order, surface)
+        check_size(made.label, made.nodes[np.unique(made.triangles)], given.unit, "give sizes and profiles in m")
         return made
     if choices.cells:
         raise SceneError(f"{folder.name}/scene.toml: [settings.cells] means nothing to a mesh from a file; remove it.")

@@ -1,4 +1,5 @@
-"""Meshes of triangles from files, in every format that meshio reads: Gmsh 2 and 4, VTK, STL, Abaqus, Nastran and more.
+"""Meshes of triangles, or of panels, from files, in every format that meshio reads: Gmsh 2 and 4, VTK, STL, Abaqus,
+Nastran and more.
 
 Elements are numbered from 1 in the order of the file, points and lines included: the numbers of Gmsh, unless it was
 told to renumber.
@@ -8,22 +9,26 @@ import io
 import warnings
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..builders.mesh import Parts, TriangleMesh, agreed, renumbered, turned
+from interface.topology import agreed
+
+from ..builders.mesh import Parts, TriangleMesh, renumbered, turned
 from ..builders.mesh_checks import check_connected, check_no_loose_nodes, check_triangles, without_loose_nodes
 from ..builders.topology import outward_flips
 from ..schema import SceneError
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}  # m
-LARGEST = 100.0  # m across, beyond which a membrane whose unit is not given is taken to be in mm
+LARGEST = 100.0  # m across, beyond which a mesh whose unit is not given is taken to be in mm
 SMALLEST = 1e-3  # m across, below which a given unit is doubted
 GROUPS = ("gmsh:physical", "medit:ref")  # integer cell data in which formats keep the number of an element's group
-DIMENSION = {"vertex": 0, "line": 1, "line3": 1, "triangle": 2, "triangle6": 2}
+DIMENSION = {"vertex": 0, "line": 1, "line3": 1, "triangle": 2, "triangle6": 2, "quad": 2}
+TRIANGLES = ("vertex", "line", "line3", "triangle", "triangle6")  # elements of membranes
+PANELS = ("vertex", "line", "triangle", "quad")  # elements of bodies
 MISSING = (
     "reading a mesh file needs the package meshio, which is not installed; install it by pip install 'kitecosim[mesh]'."
 )
@@ -54,13 +59,82 @@ def read_mesh(
     blocks = _blocks(content, label)
     mesh = replace(_once(_assembled(content, blocks, label, groups, UNITS[unit or "m"])), remarks=remarks)
     check_triangles(mesh)
-    check_size(mesh, unit, 'say unit = "mm"')
+    check_size(label, mesh.nodes[np.unique(mesh.triangles)], unit, 'say unit = "mm"')
     if drop_loose_nodes:
         mesh = without_loose_nodes(mesh)
     check_no_loose_nodes(mesh)
     if not parts_may_be_apart:
         check_connected(mesh)
     return _oriented(mesh)
+
+
+@dataclass(frozen=True, eq=False)
+class PanelMesh:
+    """Quads and triangles of a file as `panels` (m,4), a triangle repeating its last node, on `nodes` (n,3) m.
+
+    `numbers` (m,) are those of the elements in the file; `line_groups` the groups of lines, pairs of nodes (k,2), -1 of
+    nodes that no panel has.
+    `label` says which file this is, `remarks` what was changed.
+    """
+
+    nodes: np.ndarray
+    panels: np.ndarray
+    numbers: np.ndarray
+    line_groups: dict[str, np.ndarray]
+    label: str
+    remarks: tuple[str, ...]
+
+    def lines_of(self, *names: str) -> np.ndarray:
+        """Lines (k,2) in any of the named groups, each once; SceneError where there is no such group."""
+        for name in names:
+            if name not in self.line_groups:
+                there = ", ".join(f"'{n}'" for n in self.line_groups) or "none"
+                raise SceneError(
+                    f"{self.label} has no line group '{name}'; there are: {there} (name it in the mesh, or correct the "
+                    "name)."
+                )
+            if np.any(self.line_groups[name] < 0):
+                raise SceneError(
+                    f"{self.label}: lines of the group '{name}' are on no panel; mesh them with the surface."
+                )
+        return np.unique(np.concatenate([np.sort(self.line_groups[name], axis=1) for name in names]), axis=0)
+
+
+def read_panels(path: str | Path, unit: str | None = None, groups: str | None = None) -> PanelMesh:
+    """The quads and triangles in a file, in m, as they are written: nothing is turned over.
+
+    `unit` and `groups` as in `read_mesh`. Elements that stand there once for each of their groups are one; nodes
+    without a panel are left out, which `remarks` say. Raises SceneError in one sentence with file and element numbers.
+    """
+    path = Path(path)
+    label = f"{path.parent.name}/{path.name}" if path.parent.name else path.name
+    content, remarks = _content(path, label)
+    blocks = _blocks(content, label, PANELS)
+    named = _group_names(content, label, groups)
+    panels, numbers, lines = [np.zeros((0, 4), dtype=int)], [np.zeros(0, dtype=int)], dict[str, list[np.ndarray]]()
+    for (kind, data, first), at in zip(blocks, _places(content), strict=True):
+        if DIMENSION[kind] == 2:
+            panels.append(data if kind == "quad" else data[:, [0, 1, 2, 2]])
+            numbers.append(first + np.arange(len(data)))
+        elif DIMENSION[kind] == 1:
+            for name, rows in named(at, 1, len(data)):
+                lines.setdefault(name, []).append(data[rows])
+    every, number = np.concatenate(panels), np.concatenate(numbers)
+    if not len(every):
+        raise SceneError(f"{label} has no quads and no triangles; a body is a surface of them: mesh its surfaces.")
+    kept = np.sort(np.unique(every, axis=0, return_index=True)[1])
+    points = UNITS[unit or "m"] * np.asarray(content.points, dtype=float)
+    if points.shape[1] != 3:
+        raise SceneError(f"{label} is flat, its nodes have two coordinates; the surface of a body has three.")
+    used = np.unique(every)
+    if len(used) < len(points):
+        count = len(points) - len(used)
+        remarks = (*remarks, f"{label}: {count} {agreed(count, 'node', 'nodes')} without a panel left out.")
+    check_size(label, points[used], unit, 'say unit = "mm"')
+    place = np.full(len(points), -1)
+    place[used] = np.arange(len(used))
+    of_lines = {name: place[np.concatenate(found)] for name, found in lines.items()}
+    return PanelMesh(points[used], place[every[kept]], number[kept], of_lines, label, remarks)
 
 
 def _content(path: Path, label: str) -> tuple[Any, tuple[str, ...]]:
@@ -110,9 +184,9 @@ def _unreadable(label: str, path: Path, reason: str) -> SceneError:
     return SceneError(f"{label} is not a readable {path.suffix} file{what}; save it again, {how}.")
 
 
-def _blocks(content: Any, label: str) -> list[tuple[str, np.ndarray, int]]:
+def _blocks(content: Any, label: str, kinds: Sequence[str] = TRIANGLES) -> list[tuple[str, np.ndarray, int]]:
     """Type, nodes (e,k) and first element number of every block of cells, in the order of the file; all of one order,
-    none of them other than points, lines and triangles.
+    none of them other than of `kinds`.
     """
     blocks, number = [], 1
     for cells in content.cells:
@@ -120,21 +194,26 @@ def _blocks(content: Any, label: str) -> list[tuple[str, np.ndarray, int]]:
         number += len(cells.data)
     blocks = [block for block in blocks if len(block[1])]
     for kind, data, first in blocks:
-        if kind not in DIMENSION:
-            raise SceneError(_other_element(label, kind, data, first))
+        if kind not in kinds:
+            raise SceneError(_other_element(label, kind, data, first, kinds))
         bad = np.flatnonzero(np.any((data < 0) | (data >= len(content.points)), axis=1))
         if len(bad):
             raise SceneError(f"{label}: element {first + bad[0]} has a node that the file does not list; add the node.")
-    kinds = {kind for kind, _, _ in blocks} - {"vertex"}
-    if {"triangle", "line"} & kinds and {"triangle6", "line3"} & kinds:
-        counts = ", ".join(f"{sum(len(d) for k, d, _ in blocks if k == kind)} {kind}" for kind in sorted(kinds))
+    there = {kind for kind, _, _ in blocks} - {"vertex"}
+    if {"triangle", "line"} & there and {"triangle6", "line3"} & there:
+        counts = ", ".join(f"{sum(len(d) for k, d, _ in blocks if k == kind)} {kind}" for kind in sorted(there))
         raise SceneError(f"{label} mixes elements of first and second order ({counts}); save all of one order.")
     return blocks
 
 
-def _other_element(label: str, kind: str, data: np.ndarray, first: int) -> str:
+def _other_element(label: str, kind: str, data: np.ndarray, first: int, kinds: Sequence[str]) -> str:
     last = first + len(data) - 1
     which = f"element {first}" if len(data) == 1 else f"elements {first} to {last}"
+    if kinds is PANELS:
+        return (
+            f"{label}: {which} {agreed(len(data), 'is', 'are')} of the type {kind}; a body has triangles of three and "
+            "quads of four nodes, lines and points: save only these, of first order."
+        )
     if kind.startswith("quad"):
         return (
             f"{label}: {which} {agreed(len(data), 'is a quad', 'are quads')} where triangles are asked; split them "
@@ -247,17 +326,18 @@ def _group_names(content: Any, label: str, groups: str | None) -> Any:
     return of_block
 
 
-def check_size(mesh: TriangleMesh, unit: str | None, remedy: str) -> None:
-    """Raises where lengths look like mm, with what to do then, or like m where another unit was given."""
-    across = float(np.ptp(mesh.nodes[np.unique(mesh.triangles)], axis=0).max())
+def check_size(label: str, used: np.ndarray, unit: str | None, remedy: str) -> None:
+    """Raises where lengths of `used` nodes look like mm, with what to do then, or like m where another unit was
+    given.
+    """
+    across = float(np.ptp(used, axis=0).max())
     if unit is None and across > LARGEST:
         raise SceneError(
-            f'{mesh.label} is {across:.4g} m across: its lengths look like mm; {remedy}, or unit = "m" if it is that '
-            "large."
+            f'{label} is {across:.4g} m across: its lengths look like mm; {remedy}, or unit = "m" if it is that large.'
         )
     if unit not in (None, "m") and across < SMALLEST:
         raise SceneError(
-            f'{mesh.label} is {across:.3g} m across with unit = "{unit}"; its lengths look like m: say unit = "m".'
+            f'{label} is {across:.3g} m across with unit = "{unit}"; its lengths look like m: say unit = "m".'
         )
 
 

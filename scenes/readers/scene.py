@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..builders.interface import (
+    body_interface,
     design_interface,
+    edges_interface,
     face_interface,
     grid_interface,
     lines_interface,
@@ -14,7 +16,7 @@ from ..builders.interface import (
     with_lines,
 )
 from ..interface import Interface
-from ..members import Members
+from ..members import Members, PointLoad, rigid_members
 from ..scene import Scene, Source
 from ..schema import SceneError, Setting
 from .description import Description, offered, read_description
@@ -22,6 +24,9 @@ from .lifting_surface import design_edges, read_polars, read_sections, read_stru
 from .members import check_line_ends, read_members
 from .point_loads import read_loads
 from .tables import Table
+
+if TYPE_CHECKING:
+    from ..builders.wings import ClosedSurface
 
 BUILT_IN = Path(__file__).resolve().parents[1]
 _TABLES = ("nodes", "springs", "canopy", "lines", "masses", "ribs", "tubes", "attachments", "loads")  # of [structure]
@@ -35,13 +40,21 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     read = read_description(folder, settings or {})
     read = _scaled(folder, read)
     wind = _DOWNWIND if read.aero is None else read.aero.wind_direction
-    members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes)
-    struts = read_struts(folder, read, members)
     wing = read.wing
-    sections = None if wing is None else read_sections(folder, wing, wind)
-    loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
-    interface = _interface(read, members, struts, sections)
-    check_line_ends(folder, read.structure, members, loads, interface)
+    loads: tuple[PointLoad, ...] = ()
+    pivot = None
+    surface = _surface(folder, read)
+    if read.structure is None:
+        sections = None if wing is None else read_sections(folder, wing, wind)
+        interface = _rigid_interface(read, surface, sections)
+        members, struts = rigid_members(interface.nodes), interface.sections[:, [0, -1]]
+    else:
+        members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes, surface)
+        struts = read_struts(folder, read, members)
+        sections = None if wing is None else read_sections(folder, wing, wind)
+        loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
+        interface = _interface(read, members, struts, sections, surface)
+        check_line_ends(folder, read.structure, members, loads, interface)
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
@@ -62,27 +75,50 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         polars,
         loads,
         None if pivot is None else members.node(pivot, f"{folder.name}/scene.toml [structure] pivot"),
-        Source(folder, _files(read), read.offers),
+        Source(folder, _files(folder, read), read.offers),
+        body=read.body,
     )
 
 
 def _scaled(folder: Path, read: Description) -> Description:
-    """With the reference area at the scale of the scene."""
+    """With the reference values of [aero] at the scale of the scene."""
     scale = read.choices.scale
     if scale <= 0.0:
         raise SceneError(f"{folder.name}/scene.toml: [settings.scale] must be above zero; it is {scale:g}.")
     if read.aero is None:
         return read
-    if read.wing is not None and read.aero.reference_area is None:
+    if (read.wing is not None or read.body is not None) and read.aero.reference_area is None:
         raise SceneError(f"{folder.name}/scene.toml: [aero] lacks 'reference_area'; add it.")
-    return replace(read, aero=replace(read.aero, reference_area=(read.aero.reference_area or 1.0) * scale**2))
+    aero, point = read.aero, read.aero.reference_point
+    chord, span = (None if length is None else scale * length for length in (aero.reference_chord, aero.reference_span))
+    scaled = replace(
+        aero,
+        reference_area=(aero.reference_area or 1.0) * scale**2,
+        reference_chord=chord,
+        reference_span=span,
+        reference_point=None if point is None else tuple(scale * x for x in point),
+    )
+    return replace(read, aero=scaled)
 
 
-def _interface(read: Description, members: Members, struts: Any, sections: Table | None) -> Interface:
+def _surface(folder: Path, read: Description) -> "ClosedSurface | None":
+    """The closed surface of [body], None without."""
+    if read.body is None:
+        return None
+    from .bodies import read_body  # not loaded for scenes without
+
+    return read_body(folder, read.body)
+
+
+def _interface(
+    read: Description, members: Members, struts: Any, sections: Table | None, surface: "ClosedSurface | None"
+) -> Interface:
     """The interface mesh for the chosen chord and number of strips, with the lines where they have drag."""
     nodes, choices = members.nodes, read.choices
     if members.wing is not None:
         found = grid_interface(nodes, members.wing.grid)
+    elif surface is not None and members.membranes is not None:
+        found = body_interface(surface, nodes, members.membranes.skin)
     elif members.membranes is not None and read.aero is None:
         found = face_interface(nodes, members.membranes.group.nodes)
     elif sections is None:
@@ -96,10 +132,24 @@ def _interface(read: Description, members: Members, struts: Any, sections: Table
     return with_lines(found, nodes, legs, diameter) if drag else found
 
 
-def _files(read: Description) -> tuple[str, ...]:
+def _rigid_interface(read: Description, surface: "ClosedSurface | None", sections: Table | None) -> Interface:
+    """The interface mesh of a wing without a structure: the closed surface of [body], or strips between the rows of the
+    table of sections.
+    """
+    if surface is not None:
+        return body_interface(surface, read.choices.scale * surface.nodes)
+    assert sections is not None
+    return edges_interface(*design_edges(sections, read.choices.scale), read.choices.panels_per_section)
+
+
+def _files(folder: Path, read: Description) -> tuple[str, ...]:
     """The files in the scene's folder that it is made of, for the chosen settings."""
-    tables = [getattr(read.structure, key) for key in _TABLES]
+    tables = [] if read.structure is None else [getattr(read.structure, key) for key in _TABLES]
     tables += [] if read.membranes is None else [read.membranes.mesh, read.membranes.profiles, read.membranes.patterns]
+    if read.body is not None:
+        from .bodies import files_of
+
+        tables += files_of(folder, read.body)
     tables += [] if read.wing is None else [read.wing.struts, read.wing.sections, read.wing.polars]
     return ("scene.toml", *(t for t in tables if t))
 

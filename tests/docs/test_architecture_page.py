@@ -136,7 +136,7 @@ def test_a_model_of_the_flow_is_known_by_the_name_of_its_file(toys):
     folder = shutil.copytree(scenes.load("typical_section").folder, toys / "odd")
     text = (folder / "scene.toml").read_text()
     (folder / "scene.toml").write_text(text.replace('"vortex-step"', '"panels"'))
-    with pytest.raises(scenes.SceneError, match=r"method must be one of: constant-pressure, vortex-step"):
+    with pytest.raises(scenes.SceneError, match=r"method must be one of: constant-pressure, panel, vortex-step"):
         scenes.load(folder)
 
 

@@ -1,8 +1,8 @@
 """Every built-in scene, and every setting of it changed once: later scenes and settings are tested without a word.
 
-Those with inflatable wings or membranes are large: they are taken on coarse meshes, and their settings are not
-changed. Nor are those of transient scenes, whose schemes of integration are tested without FMUs
-(tests/scenes/test_transient_core.py).
+Those with inflatable wings, membranes or closed bodies are large: they are taken on coarse meshes, and their settings
+are not changed. Nor are those of transient scenes, whose schemes of integration are tested without FMUs
+(tests/scenes/test_transient_core.py). RIGID are scenes without a structure, with one FMU.
 """
 
 import scenes
@@ -10,6 +10,7 @@ import scenes
 # Meshes on which a first solve takes a second instead of some.
 COARSE = {name: {"canopy_stations": 2} for name in ("v3_hanging_test", "v3_kite_detailed")}
 COARSE |= {"airbag": {"cells": 2}, "hencky": {"cells": 3}}
+COARSE |= {name: {"variant": "sketch"} for name in ("box_wing", "flexible_wing", "swept_wing")}
 
 
 def _cases():
@@ -22,7 +23,9 @@ def _cases():
                     yield name, {key: value}
 
 
-CASES = list(_cases())
+ALL = list(_cases())
+RIGID = [case for case in ALL if not scenes.load(*case).has_structure]
+CASES = [case for case in ALL if case not in RIGID]
 PLAIN = [case for case in CASES if case[1] == COARSE.get(case[0], {})]
 
 

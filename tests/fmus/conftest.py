@@ -4,7 +4,7 @@ import pytest
 
 import scenes
 from fmus.builder import archive, build, own_binary
-from tests.fmus.cases import CASES, label, start
+from tests.fmus.cases import ALL, label, start
 from tests.fmus.importer import Importer
 from tests.fmus.toy_fmu import Toy, ToyFmu
 
@@ -38,9 +38,11 @@ def scene_paths(scene, tmp_path_factory):
     return build(scene, tmp_path_factory.mktemp("scene"))
 
 
-@pytest.fixture(scope="session", params=CASES, ids=label)
+@pytest.fixture(scope="session", params=ALL, ids=label)
 def case(request, tmp_path_factory):
-    """A scene with settings, and the paths of its FMUs, one without a flow: every scene, every setting changed once."""
+    """A scene with settings, and the paths of its FMUs, one without a flow or a structure: every scene, every setting
+    changed once.
+    """
     scene = scenes.load(*request.param)
     return scene, build(scene, tmp_path_factory.mktemp("case"), start(scene))
 

@@ -78,6 +78,8 @@ def test_interface_can_be_rebuilt_from_the_page(case):
 
 def test_structural_page_names_what_tensions_and_positions_belong_to(case):
     scene, paths = case
+    if not scene.has_structure:
+        pytest.skip("a scene without a structure")
     found, members = read(paths[0]), scene.members
     elements = found.tables.get("Elements", [])[1:]  # a scene may be of membranes alone
     assert [row[1] for row in elements] == list(members.names)
@@ -124,11 +126,11 @@ def test_a_positive_pressure_pushes_to_the_suction_side_as_the_page_says(case):
 def test_the_page_says_how_it_is_stepped_and_what_to_beware_of(case, words):
     scene, paths = case
     for found in map(read, paths):
-        assert words in found.text or (words == "in turn" and not scene.has_flow)
+        assert words in found.text or (words == "in turn" and len(paths) == 1)
         assert ("trim_angle" in found.text) is (scene.trim is not None)
         if scene.trim is not None:
             assert f"node {scene.structure.pivot} at (" in found.text
-        when_to_stop = scene.has_flow and not scene.transient
+        when_to_stop = len(paths) == 2 and not scene.transient
         assert ("imbalance_before_step of the" in " ".join(found.text.split())) is when_to_stop
         assert ("velocity of the structural one" in " ".join(found.text.split())) is (
             scene.has_flow and scene.transient

@@ -13,6 +13,7 @@ import scenes
 from fmus.builder import build
 from fmus.ssp import package
 from master.cli import app
+from tests.fmus.cases import COARSE
 
 STD = "{http://ssp-standard.org/SSP1/System"
 
@@ -20,7 +21,7 @@ STD = "{http://ssp-standard.org/SSP1/System"
 @pytest.fixture(scope="module", params=scenes.available())
 def packed(request, tmp_path_factory):
     """A scene, its FMUs and its package, with parameters unlike those of the scene where it has them."""
-    coarse = {"cells": 2} if "cells" in scenes.settings_of(request.param) else {}  # else of some MB
+    coarse = COARSE.get(request.param, {}) if "canopy_stations" not in scenes.settings_of(request.param) else {}
     scene, out = scenes.load(request.param, coarse), tmp_path_factory.mktemp("packed")
     given = {"wind_speed": 11.0} if scene.has_flow else {}
     fmus = build(scene, out, given | {"symmetric": 0.0} if scene.name == "v3_kite" else given)
@@ -28,7 +29,7 @@ def packed(request, tmp_path_factory):
     return SimpleNamespace(
         scene=scene,
         path=path,
-        fmus=dict(zip(("structural", "aero"), fmus, strict=False)),
+        fmus=dict(zip(scene.cores(), fmus, strict=True)),
         system=read_ssd(path).system,  # validates against the schema of SSP 1.0
     )
 
@@ -51,7 +52,7 @@ def test_every_input_that_the_other_side_gives_is_connected_to_it_and_no_other_i
     got = [(a.parent.name, a.name, b.parent.name, b.name) for a, b in get_connections(packed.system)]
     assert set(got) == expected
     assert len(got) == len(expected)
-    if packed.scene.has_flow:
+    if len(packed.fmus) == 2:
         free = {(side, name) for side, name in inputs if name.endswith("_rate")}  # of reeling, set by the host
         assert {(side, name) for _, _, side, name in expected} == inputs - free  # all else is closed on both sides
     connectors = {(c.name, k.name) for c in packed.system.elements for k in c.connectors if k.kind == "input"}
@@ -89,7 +90,7 @@ def test_the_parameter_set_of_a_component_has_all_start_values_and_units_of_its_
 def test_step_and_stop_time_are_told_to_every_tool_in_its_own_words(packed):
     with zipfile.ZipFile(packed.path) as archive:
         root = etree.fromstring(archive.read("SystemStructure.ssd"))
-    experiment = read_model_description(packed.fmus["structural"]).defaultExperiment
+    experiment = read_model_description(next(iter(packed.fmus.values()))).defaultExperiment
     names = root.nsmap
     (times,) = root.iterfind("ssd:DefaultExperiment", names)
     (osp,) = times.iterfind("ssd:Annotations/ssc:Annotation/osp:Algorithm/osp:FixedStepAlgorithm", names)

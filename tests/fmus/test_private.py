@@ -16,6 +16,7 @@ import pytest
 import scenes
 from fmus.private import CARRIED, private_code, private_name, rewritten, script_of, sources
 from fmus.stored_scene import read_scene, scene_files
+from tests.fmus.cases import COARSE
 from tests.fmus.importer import START, Importer
 
 ROOT = Path(__file__).parents[2]
@@ -232,9 +233,9 @@ def test_a_script_looks_for_its_code_after_docstring_and_future_imports():
 @pytest.mark.parametrize("name", [*scenes.available()])
 @pytest.mark.parametrize("side", ["structural", "aero"])
 def test_a_stored_scene_makes_the_core_of_its_side_bitwise(tmp_path, name, side):
-    scene = scenes.load(name, {"canopy_stations": 2} if "canopy_stations" in scenes.settings_of(name) else {})
-    if side == "aero" and not scene.has_flow:
-        pytest.skip("there is no flow")
+    scene = scenes.load(name, COARSE.get(name, {}))
+    if side not in scene.cores():
+        pytest.skip("there is no such side")
     for file, content in scene_files(scene, side, {"wind_speed": 11.0}).items():
         (tmp_path / file).write_bytes(content)
     carried, parameters = read_scene(tmp_path)

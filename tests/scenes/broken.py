@@ -24,7 +24,7 @@ def edited(scene, file, old, new):
 
 
 def built(scene, settings=None):
-    """The scene with its solver cores and everything that is read lazily; no aerodynamic core where it has no flow."""
+    """The scene with its solver cores and everything that is read lazily; None for a side that it does not have."""
     loaded = scenes.load(scene, settings or {})
     cores = loaded.cores()
-    return loaded, cores["structural"], cores.get("aero")
+    return loaded, cores.get("structural"), cores.get("aero")

@@ -79,12 +79,12 @@ def test_damaged_file_is_read_or_refused_in_one_sentence(scene, file, count, tmp
     folder = copy_of(scene, tmp_path)
     intact = (folder / file).read_bytes()
     rng = np.random.default_rng([len(scene), *file.encode()])
-    refused = 0
+    refused, coarse = 0, {"variant": "sketch"} if scene in ("box_wing", "swept_wing") else None
     for n in range(count):
         content = _damaged(rng, intact)
         (folder / file).write_bytes(content)
         try:
-            _, structure, _ = built(folder, {"variant": "restoring"} if "restoring" in file else None)
+            _, structure, flow = built(folder, {"variant": "restoring"} if "restoring" in file else coarse)
         except scenes.SceneError as error:
             refused += 1
             if "\n" in str(error):
@@ -94,6 +94,6 @@ def test_damaged_file_is_read_or_refused_in_one_sentence(scene, file, count, tmp
             shutil.copy(folder / file, kept)
             pytest.fail(f"{type(error).__name__}: {error} (see {kept})")
         else:
-            assert np.all(np.isfinite(structure.get("displacement")))
+            assert np.all(np.isfinite((structure or flow).get("displacement")))
     if count > 20:
         assert refused > 0  # damage is noticed

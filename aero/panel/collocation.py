@@ -1,0 +1,53 @@
+"""Where on each panel the flow is asked for: towards the narrower of its neighbours, as the mesh is graded.
+
+Doublets that are constant on panels are vortices along their edges. Half way between two of them is the right place
+only where panels are equally wide. On cosine-spaced ones it is the half angle, a quarter of the panel at its end, and
+the lift of a profile is then more than twice as near to its limit as with centres (van Garrel 2003, ECN-C-03-079, has
+it of strips along a span).
+"""
+
+import numpy as np
+
+
+def collocation_points(body, nodes):
+    """Points (m,3) m on the panels of a `Body` on `nodes` (n,3) m; centres of triangles.
+
+    Trailing edges and creases are ends of the row of panels; a plane of symmetry has the image behind it.
+    """
+    corners = nodes[body.panels]
+    middle = 0.5 * (corners + np.roll(corners, -1, axis=1))  # of the edges (m,4,3)
+    width = np.linalg.norm(middle - np.roll(middle, 2, axis=1), axis=2)  # across each edge
+    beyond = _beyond(body, width)
+    before, after = beyond[:, [3, 0]], beyond[:, [1, 2]]
+    xi, eta = _fractions(before, width[:, [1, 2]], after).T[..., None]
+    a, b, c, d = np.moveaxis(corners, 1, 0)
+    points = (1.0 - eta) * ((1.0 - xi) * a + xi * b) + eta * ((1.0 - xi) * d + xi * c)
+    triangle = body.panels[:, 2] == body.panels[:, 3]
+    points[triangle] = corners[triangle, :3].mean(axis=1)
+    return points
+
+
+def _beyond(body, width):
+    """How wide (m,4) the panel beyond each edge is, across it: NaN beyond trailing edges and creases, as wide as the
+    panel itself beyond a plane of symmetry and next to triangles.
+    """
+    m = len(body.panels)
+    end = np.zeros(len(body.edges), bool)
+    end[body.trailing_edge] = end[body.creases] = True
+    edge = body.of_panel
+    sides = body.sides[edge]
+    own = np.arange(m)[:, None]
+    other = np.where(sides[..., 0] == own, sides[..., 1], sides[..., 0])
+    slot = np.argmax(body.of_panel[other] == edge[..., None], axis=2)
+    triangle = body.panels[:, 2] == body.panels[:, 3]
+    found = np.where((other >= 0) & ~triangle[other], width[other, slot], width)
+    return np.where(end[edge], np.nan, found)
+
+
+def _fractions(before, width, after):
+    """Where along each panel, 0 to 1, from the widths before it, of it and after it, NaN at free ends."""
+    to_before, to_after = before / (before + width), width / (width + after)
+    inner = 0.25 * (to_before + to_after + 1.0)
+    one = np.where(np.isnan(before), to_after, to_before)
+    found = np.where(np.isnan(before) | np.isnan(after), one, inner)
+    return np.where(np.isnan(found), 0.5, found)

@@ -1,0 +1,455 @@
+"""The panel method as a model of the flow around a closed wing."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, cast
+
+import numpy as np
+
+from aero.model import AeroModel, Flow, Response
+from aero.wind import lift_direction
+from interface import MIRROR, Criterion, StepFailed, UprightPlane, Variable, area_vectors, corner_shares
+from interface.mirror import mirror_permutation
+from interface.validity import worst
+
+from .bodies import Body
+from .collocation import collocation_points
+from .influence import PanelGeometry, induced_velocity
+from .solver import PanelSolver, SolverState
+from .strips import Strips, section_drag
+from .trefftz import far_wake
+from .velocities import Stencils, tangential, unit
+from .wake import CORE, carried, divided, straight_wake
+
+# Differences of mirrored points, m, and velocities, m/s, that still count as symmetric, and the part of the wind across
+# the plane of symmetry that is rounding.
+POSITION_ASYMMETRY, VELOCITY_ASYMMETRY, WIND_ASYMMETRY = 1e-9, 1e-6, 1e-12
+LARGEST_ANGLE = 45.0  # degrees of the wind to the mean chord, beyond which no flow is attached
+RELAXATION_STEPS = 3
+# Of the way from the stagnation line to the trailing edge: without a boundary layer the air comes to rest at a trailing
+# edge that is not a cusp, and the criterion always speaks there.
+ATTACHED = 0.85
+OF_STRIPS = (
+    "separated_strips", "separated strips", 0.0, "attached flow: Stratford (1959), separated ahead of 85 % of the way "
+    "to the trailing edge",
+)  # fmt: skip
+
+OF_EDGES = (
+    "trailing_edge_skew", "offset of the panels above and below a trailing edge", 2.0, "triangles that do not face "
+    "each other across a thin trailing edge: lift is off by 1.5 % at 2, 4 % at 12, 10 % at 70, docs/verification.md",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class PanelState:
+    """What one step leaves to the next: the `solver`'s state, of one half where `symmetric`."""
+
+    symmetric: bool
+    solver: SolverState
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """A shape in a stream, in axes where the plane of symmetry is y = 0 if one half is solved.
+
+    `nodes` (n,3) m with their panels' `geometry`; the `onset` at these, (3,) or (m,3) m/s, its mean `direction` (3,)
+    and `speed` m/s; the `density` kg/m^3 and the upward direction `lift` (3,) across the stream.
+    """
+
+    nodes: np.ndarray
+    geometry: PanelGeometry
+    onset: np.ndarray
+    direction: np.ndarray
+    speed: float
+    density: float
+    lift: np.ndarray
+    symmetric: bool
+
+    @property
+    def dynamic_pressure(self):
+        """Pa of the mean stream."""
+        return 0.5 * self.density * self.speed**2
+
+    @property
+    def side(self):
+        """Direction (3,) of a positive side force."""
+        return np.cross(self.lift, self.direction)
+
+
+class PanelModel(AeroModel):
+    """A closed `wing` (`aero.model.Wing`) in a stream by the panel method.
+
+    The outer pressure is traction that keeps its direction, -C_p q n; the inner one, `internal_pressure_coefficient` q,
+    pressure that turns with the surface. Nodes that move meet the wind less their own velocity, panel by panel; C_p is
+    that of the dynamic pressure there, and the wake goes along the mean of it.
+    One half is solved where `symmetric` asks for it and shape, motion and wind all are, in the upright plane that
+    mirrors the wing; the interface is the whole wing.
+    """
+
+    title = "the 3D panel method"
+
+    def __init__(self, wing):
+        nodes, panels, options = wing.mesh.nodes, wing.mesh.panels, wing.options
+        self._body, self._panels = Body.of(nodes, panels, wing.trailing_edges), panels
+        self._wake, self._transition = options["wake"], options["transition"]
+        self._mirror(nodes)
+        geometry = PanelGeometry.of(nodes, panels)
+        self._stencils = {False: Stencils.of(self._body, geometry.centre, geometry.normal)}
+        if self._half is not None:
+            self._stencils[True] = Stencils.of(self._body, geometry.centre, geometry.normal, self._half.panels)
+        self._solver: tuple[bool, PanelSolver] | None = None
+        self._strips = Strips.of(self._body)
+        self._polars = None if wing.polars is None else wing.polars()
+        if self._polars is not None and not (self._strips.whole and len(self._polars.ends) == len(self._strips.ends)):
+            raise ValueError("section polars need a wing of strips of quads, and as many of them as there are strips.")
+        labels = tuple(f"strip {i}" for i in range(1, len(self._strips.ends) + 1))
+        if self._strips.whole:
+            self.criteria += (Criterion(*OF_STRIPS, labels=labels, whole=True),)
+        if labels:
+            self.criteria += (Criterion(*OF_EDGES, labels=labels),)
+        self.variables = tuple(self._declared(float(wing.symmetric), options))
+
+    def _mirror(self, nodes):
+        """The half of the wing at rest and which nodes mirror which, None where it is not symmetric."""
+        self._image, self._half = mirror_permutation(nodes, POSITION_ASYMMETRY), cast(Any, None)
+        try:
+            self._half = None if self._image is None else self._body.half(nodes)
+        except ValueError:
+            self._half = None
+        if self._half is not None:
+            self._right = np.flatnonzero(
+                (nodes[:, 1] > POSITION_ASYMMETRY) & np.isin(np.arange(len(nodes)), self._panels)
+            )
+
+    def _declared(self, symmetric, options):
+        parameter = partial(Variable, causality="parameter", variability="tunable")
+        switch = partial(parameter, kind="boolean", minimum=0.0, maximum=1.0)
+        text = "solve one half and mirror it; asymmetric input turns it off (see symmetry_used)"
+        yield switch("symmetric", start=symmetric, description=text)
+        text = "pressure inside over the dynamic pressure of the wind: 1 behind an inlet that the wind meets"
+        start = options["internal_pressure_coefficient"]
+        yield parameter("internal_pressure_coefficient", start=start, minimum=-10.0, maximum=10.0, description=text)
+        if self._strips.whole:
+            start, text = options["kinematic_viscosity"], "kinematic viscosity of the air, for where it separates"
+            air = partial(parameter, minimum=1e-9, maximum=1.0)
+            yield air("kinematic_viscosity", unit="m2/s", start=start, description=text)
+            if self._polars is None:
+                start, text = options["profile_drag_coefficient"], "c_d of all strips, beside the drag by pressure"
+                drag = partial(parameter, minimum=0.0, maximum=10.0)
+                yield drag("profile_drag_coefficient", start=start, description=text)
+        output = partial(Variable, causality="output")
+        of_panel = partial(output, counts="panel")
+        m = len(self._panels)
+        yield of_panel("pressure", (m,), unit="Pa", description="pressure inside on each interface panel, net of rest")
+        text = "traction on each interface panel by the flow outside"
+        yield of_panel("shear", (m, 3), unit="Pa", description=text)
+        text = "C_p outside on each panel, over the dynamic pressure that it meets"
+        yield of_panel("pressure_coefficient", (m,), description=text)
+        yield from self._of_strips(partial(output, shape=(len(self._strips.ends),), counts="strip"))
+        yield from self._of_wing(output)
+
+    def _of_strips(self, of_strip):
+        text = "circulation of each strip; positive where its force points to the side of its upper panel"
+        yield of_strip("circulation", unit="m2/s", description=text)
+        text = "force of each strip per width across the wind, in the Trefftz plane, {}"
+        yield of_strip("strip_lift", unit="N/m", description=text.format("upwards"))
+        yield of_strip("strip_side_force", unit="N/m", description=text.format("to the side"))
+        if self._strips.whole:
+            text = "angle of the chord of each strip to the wind, in the plane across its trailing edge"
+            yield of_strip("alpha", unit="rad", description=text)
+            text = "where its suction side separates, of the way from stagnation line to trailing edge; 1: nowhere"
+            yield of_strip("separation", description=text)
+            text = f"whether each strip separates ahead of {100.0 * ATTACHED:g} % of the way"
+            yield of_strip("separated", kind="boolean", description=text)
+
+    def _of_wing(self, output):
+        newton = partial(output, unit="N")
+        yield newton("pressure_lift", description="lift of the pressure outside")
+        yield newton("pressure_drag", description="drag of the pressure outside")
+        yield newton("trefftz_lift", description="lift by the wake, in the Trefftz plane")
+        yield newton("trefftz_side_force", description="side force by the wake, in the Trefftz plane")
+        yield newton("induced_drag", description="drag by the wake, in the Trefftz plane")
+        text = "L^2 / (q pi b^2 D) in the Trefftz plane, b the extent of the trailing edges across wind and lift"
+        yield output("span_efficiency", description=text)
+        if self._strips.whole:
+            text = (
+                "angle of attack: of the chord of the strip nearest to mid-span to the wind, across its trailing edge"
+            )
+            yield output("alpha_mid", unit="rad", description=text)
+            yield newton("profile_drag", description="drag by c_d of the strips; it is part of the force and of CD")
+            text = "Reynolds number of the mean chord"
+            yield output("reynolds_number", description=text)
+        for criterion in self.criteria:
+            yield from criterion.variables("strip")
+        if self._wake == "relaxed":
+            text = f"movement of the wake in the last of {RELAXATION_STEPS} relaxation steps, the most, over the span"
+            yield output("wake_change", description=text)
+        yield output("warp", description="distance of the diagonals of a panel over its size, the largest")
+        count = partial(output, kind="integer")
+        yield count("gmres_iterations", description="GMRES iterations of the step")
+        yield output("residual", description="residual of the panels' equations over that without doublets")
+        text = "whether the equations were factored anew in the step"
+        yield output("factored", kind="boolean", description=text)
+        yield output("symmetry_used", kind="boolean", description="whether the last solve was of one half")
+
+    def solve(self, flow: Flow, values, state=None):
+        """See AeroModel."""
+        plane = self._plane(flow) if bool(values["symmetric"]) else None
+        case = self._case(flow, plane)
+        self._check(case)
+        kept = state.solver if state is not None and state.symmetric == case.symmetric else None
+        found, wake, extra, kept = self._strengths(case, kept)
+        doublets, jumps = self._whole(case, found)
+        loads = self._loads(case, doublets, jumps, wake, values)
+        outputs = loads | extra | {"warp": float((case.geometry.warp / case.geometry.size).max())}
+        outputs |= {"gmres_iterations": found.iterations, "residual": found.residual}
+        if len(self._strips.ends):
+            name, place = self.criteria[-1].name, self.criteria[-1].place
+            skew = self._strips.skewness(case.nodes, collocation_points(self._body, case.nodes))
+            outputs |= dict(zip((name, place), worst(skew), strict=True))
+        outputs |= {"factored": float(found.factored), "symmetry_used": float(case.symmetric)}
+        if plane is not None:
+            outputs["shear"] = plane.outward(outputs["shear"])
+        force, moment = self._resultant(flow, outputs["pressure"], outputs["shear"])
+        return Response(outputs, force, moment, PanelState(case.symmetric, kept), case.symmetric)
+
+    def _plane(self, flow):
+        """The `UprightPlane` that mirrors shape, motion and wind, None where there is none."""
+        if self._half is None:
+            return None
+        plane = UprightPlane.between(flow.nodes[self._image[self._right]], flow.nodes[self._right])
+        if plane is None or abs(plane.inward(flow.direction)[1]) > WIND_ASYMMETRY:
+            return None
+        mirrored = self._mirrored(plane.inward(flow.nodes, point=True), POSITION_ASYMMETRY)
+        if flow.velocity is not None:
+            mirrored = mirrored and self._mirrored(plane.inward(flow.velocity), VELOCITY_ASYMMETRY)
+        return plane if mirrored else None
+
+    def _mirrored(self, vectors, tolerance):
+        """Whether vectors (n,3) at the nodes are mirror-symmetric in y = 0."""
+        return np.abs(vectors[self._image] * MIRROR - vectors).max() <= tolerance
+
+    def _case(self, flow, plane):
+        lift = lift_direction(flow.direction)
+        nodes, wind, velocity = flow.nodes, flow.wind, flow.velocity
+        if plane is not None:
+            nodes, wind, lift = plane.inward(nodes, point=True), plane.inward(wind), plane.inward(lift)
+            wind = wind * [1.0, 0.0, 1.0]  # what is across the plane is rounding
+            velocity = None if velocity is None else plane.inward(velocity)
+        try:
+            geometry = PanelGeometry.of(nodes, self._panels)
+        except ValueError as error:
+            raise StepFailed(f"the displaced wing is degenerate: {error}") from None
+        mean, onset = wind, wind
+        if velocity is not None:
+            corners = nodes[self._panels]
+            onset = wind - np.einsum("mi,mic->mc", corner_shares(corners), velocity[self._panels])
+            mean = np.average(onset, axis=0, weights=geometry.area)
+            mean = mean * [1.0, 0.0, 1.0] if plane is not None else mean
+        speed = float(np.linalg.norm(mean))
+        if not speed > 0.0:
+            raise StepFailed("the wing moves with the wind, so that no air meets it.")
+        if velocity is not None:
+            lift = unit(lift - (lift @ mean) * mean / speed**2)
+        return _Case(nodes, geometry, onset, mean / speed, speed, flow.density, lift, plane is not None)
+
+    def _check(self, case):
+        """StepFailed for a stream that the method knows nothing of."""
+        if not len(self._strips.ends):
+            return
+        chord = self._strips.chords(case.nodes, case.geometry.centre)
+        mean = unit(chord).T @ self._strips.widths(case.nodes, case.direction)
+        angle = np.rad2deg(np.arccos(np.clip(unit(mean) @ case.direction, -1.0, 1.0)))
+        if angle > LARGEST_ANGLE:
+            raise StepFailed(
+                f"the wind meets the wing at {angle:.3g} deg to its mean chord; the panel method knows attached flow "
+                f"only, up to {LARGEST_ANGLE:g} deg."
+            )
+        try:
+            self._body.check_wake(case.nodes, case.direction)
+        except ValueError as error:
+            raise StepFailed(str(error)) from None
+
+    def _solver_of(self, symmetric):
+        """The solver of the half or of the whole wing; there is one at a time, for its memory."""
+        if self._solver is None or self._solver[0] != symmetric:
+            self._solver = None
+            body = self._half.body if symmetric else self._body
+            self._solver = symmetric, PanelSolver(body)
+        return self._solver[1]
+
+    def _strengths(self, case, state):
+        """The `Solution`, the whole wake, further outputs and the solver's state."""
+        solver = self._solver_of(case.symmetric)
+        onset = case.onset if case.onset.ndim == 1 or not case.symmetric else case.onset[self._half.panels]
+        found, state = solver.solve(case.nodes, onset, case.direction, state)
+        wake = straight_wake(self._body, case.nodes, case.direction)
+        if self._wake == "straight":
+            return found, wake, {}, state
+        span, iterations, change = self._span(case), found.iterations, 0.0
+        wake = divided(wake, span) if len(self._strips.ends) else wake
+        for _ in range(RELAXATION_STEPS if len(self._strips.ends) else 0):
+            wake, change = carried(wake, self._strips.ends, self._velocity(case, found, wake))
+            own = wake.of(self._half.strips) if case.symmetric else wake
+            found, state = solver.solve(case.nodes, onset, case.direction, state, own)
+            iterations += found.iterations
+        return replace(found, iterations=iterations), wake, {"wake_change": change / span}, state
+
+    def _velocity(self, case, found, wake):
+        """Velocity of the air at points off the body, a function of these."""
+        doublets, jumps = self._whole(case, found)
+        sources = -np.einsum(
+            "mc,...mc->m", case.geometry.normal, np.broadcast_to(case.onset, case.geometry.normal.shape)
+        )
+        stream, core = case.speed * case.direction, CORE * self._span(case)
+
+        def velocity(points):
+            return (
+                stream + induced_velocity(case.geometry, points, sources, doublets) + wake.velocity(points, jumps, core)
+            )
+
+        return velocity
+
+    def _whole(self, case, found):
+        """Doublets (m,) and jumps (s,) of the whole wing."""
+        if not case.symmetric:
+            return found.doublets, found.jumps
+        return self._half.whole(found.doublets), self._half.whole_strips(found.jumps)
+
+    def _span(self, case):
+        """Extent m of the trailing edges across stream and lift."""
+        return float(np.ptp(case.nodes[self._strips.ends.ravel()] @ case.side)) if len(self._strips.ends) else 0.0
+
+    def _surface_velocity(self, case, doublets):
+        """Velocity (m,3) m/s along the surface at all panels."""
+        stencils, g = self._stencils[case.symmetric], case.geometry
+        onset = case.onset if case.onset.ndim == 1 else case.onset[stencils.rows]
+        points = collocation_points(self._body, case.nodes)
+        perturbed = onset - stencils.gradient(stencils.weights(points, g.normal, g.centre), doublets)
+        velocity = tangential(perturbed, stencils.normals(g.normal))
+        return self._half.whole(velocity) if case.symmetric else velocity
+
+    def _loads(self, case, doublets, jumps, wake, values):
+        """Loads on the panels and what strips and wake say, all in the axes of the case."""
+        g, velocity = case.geometry, self._surface_velocity(case, doublets)
+        onset2 = np.einsum("...c,...c->...", case.onset, case.onset)
+        speed2 = np.einsum("mc,mc->m", velocity, velocity)
+        outside = 0.5 * case.density * (onset2 - speed2)
+        shear = -outside[:, None] * g.normal
+        force = np.linalg.norm(area_vectors(g.corners), axis=1) @ shear
+        inside = float(values["internal_pressure_coefficient"]) * case.dynamic_pressure
+        out = {
+            "pressure": np.full(len(g.area), inside),
+            "pressure_coefficient": 1.0 - speed2 / np.where(onset2 > 0.0, onset2, np.inf),
+            "pressure_lift": force @ case.lift,
+            "pressure_drag": force @ case.direction,
+        }
+        far = self._far(case, jumps, wake)
+        out |= self._in_trefftz_plane(case, far, jumps)
+        if self._strips.whole:
+            drag, of_strips = self._sections(case, far, velocity, values)
+            shear = shear + drag
+            out |= of_strips
+        return out | {"shear": shear}
+
+    def _far(self, case, jumps, wake):
+        """The `FarWake` of the strips."""
+        ends, nodes = self._strips.ends, case.nodes
+        if wake.segments:
+            nodes = nodes.copy()
+            nodes[ends.T] = np.stack(wake.far_ends)
+        return far_wake(nodes, ends, jumps, case.direction, case.speed, case.density)
+
+    def _in_trefftz_plane(self, case, far, jumps):
+        per_width = far.strip_force / np.where(far.width > 0.0, far.width, np.inf)[:, None]
+        return {
+            "circulation": -jumps,
+            "strip_lift": per_width @ case.lift,
+            "strip_side_force": per_width @ case.side,
+            "trefftz_lift": far.lift @ case.lift,
+            "trefftz_side_force": far.lift @ case.side,
+            "induced_drag": far.induced_drag,
+            "span_efficiency": far.span_efficiency(self._span(case), case.dynamic_pressure) if len(jumps) else 0.0,
+        }
+
+    def _sections(self, case, far, velocity, values):
+        """Traction (m,3) Pa of the profile drag, and outputs of strips with a chord."""
+        strips, g, q = self._strips, case.geometry, case.dynamic_pressure
+        chord = strips.chords(case.nodes, g.centre)
+        length, alpha = np.linalg.norm(chord, axis=1), strips.angles(case.nodes, chord, case.direction)
+        viscosity = float(values["kinematic_viscosity"])
+        at = strips.separations(case.nodes, g.centre, velocity, viscosity, self._transition)
+        separated = at < ATTACHED
+        area = length * far.width
+        if self._polars is None:
+            cd = np.full(len(length), float(values["profile_drag_coefficient"]))
+        else:
+            lift = np.linalg.norm(far.strip_force, axis=1) / np.where(area > 0.0, q * area, np.inf)
+            cd = section_drag(self._polars, np.sign(alpha) * lift)
+        drag = q * area * cd
+        mean = float(area.sum() / far.width.sum())
+        criterion = self.criteria[0]
+        return strips.spread(drag[:, None] * case.direction, g.area), {
+            "alpha": alpha,
+            "separation": at,
+            "separated": separated.astype(float),
+            criterion.name: np.count_nonzero(separated),
+            criterion.place: worst(np.where(separated, 1.0 - at, 0.0))[1],
+            "profile_drag": float(drag.sum()),
+            "reynolds_number": case.speed * mean / viscosity,
+            "alpha_mid": alpha[self._middle(case)],
+        }
+
+    def _middle(self, case):
+        """The strip nearest to mid-span, the first of several."""
+        at = self._strips.middles(case.nodes) @ case.side
+        return int(np.argmin(np.abs(at - 0.5 * (at.min() + at.max())).round(9)))
+
+    def _resultant(self, flow, pressure, shear):
+        """Force (3,) N and moment (3,) N m of the loads as whoever receives them takes them."""
+        corners = flow.nodes[self._panels]
+        area = area_vectors(corners)
+        force = pressure[:, None] * area + np.linalg.norm(area, axis=1)[:, None] * shear
+        point = np.einsum("mi,mic->mc", corner_shares(corners), corners)
+        return force.sum(axis=0), np.cross(point - flow.about, force).sum(axis=0)
+
+    def repeated(self, values):
+        """See AeroModel."""
+        return {"gmres_iterations": 0, "factored": 0.0}
+
+    def remarks(self, outputs):
+        """See AeroModel."""
+        found = []
+        if self._strips.whole and (count := int(outputs["separated_strips"])):
+            at = np.flatnonzero(np.asarray(outputs["separated"]) > 0.0) + 1
+            named = ", ".join(map(str, at[:8])) + (" and more" if len(at) > 8 else "")
+            found.append(
+                f"{count} of {len(self._strips.ends)} strips separate by Stratford's criterion (strips {named}): loads "
+                "are those of attached flow all the same"
+            )
+        return found
+
+    def rows(self, outputs):
+        """See AeroModel."""
+        pairs = [("lift", "pressure_lift", "trefftz_lift"), ("drag without friction", "pressure_drag", "induced_drag")]
+        found = [
+            (k, f"{float(outputs[a]):.5g} N by pressure, {float(outputs[b]):.5g} N in the Trefftz plane")
+            for k, a, b in pairs
+        ]
+        found.append(("span efficiency", f"{float(outputs['span_efficiency']):.4f}"))
+        if self._strips.whole:
+            found.insert(
+                0,
+                ("angle of attack", f"{np.rad2deg(float(outputs['alpha_mid'])):.3f} deg (mid-span chord to the wind)"),
+            )
+        return found
+
+    def tables(self):
+        """See AeroModel: where every strip leaves the wing, numbered from 1."""
+        if not len(self._strips.ends):
+            return ()
+        rows = [
+            [1 + int(v) for v in (*nodes, *panels)]
+            for nodes, panels in zip(self._strips.ends, self._strips.edges, strict=True)
+        ]
+        return [("strip", "node_a node_b upper_panel lower_panel", rows)]

@@ -1,0 +1,214 @@
+"""The closed surface of [body] in scene.toml: a wing, a box wing, or a mesh from a file."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aero.panel.bodies import Body, BodyError
+
+from ..builders.profiles import Profile, cst, naca
+from ..builders.wings import BoxWing, ClosedSurface, Planform, Stations, lofted, mirrored_wing, span_shares
+from ..schema import BodyInput, SceneError, Wrong, a_file
+from .coordinates import read_profile
+from .meshes import read_panels
+from .tables import Table, number, positive, read_table
+
+PROFILE = ("profile", "upper_weights", "lower_weights", "panels", "panel_spacing", "panel_growth")
+WING = ("strips", "tip", "tip_strips", "axis")
+PLANFORM = ("span", "chord", "tip_chord", "planform", "sweep", "twist", "dihedral", "arc", "strip_spacing")
+BOX = ("span", "chord", "height", "corner_radius", "strips", "plate_strips", "corner_strips", "strip_spacing")
+FILE = ("mesh", "unit", "groups", "trailing_edges")
+STATIONS: dict[str, Callable[[str], Any]] = {
+    **dict.fromkeys(("x_m", "y_m", "z_m", "twist_deg", "roll_deg"), number),
+    "chord_m": positive,
+    "profile": str,
+}
+MOST = 100_000  # panels, whose influence on each other no machine holds
+NACA = re.compile(r"(naca[ -]?)?\d{4,5}", re.IGNORECASE)
+
+
+def read_body(folder: Path, given: BodyInput) -> ClosedSurface:
+    """The body of [body]: nodes m, panels, trailing edges, and remarks on what was changed.
+
+    Raises SceneError in one sentence for keys that are missing or mean nothing to the shape, and for a surface that
+    bounds no body, or whose trailing edges are none.
+    """
+    where = f"{folder.name}/scene.toml: [body]"
+    if given.shape == "mesh-file":
+        return _from_file(folder, where, given)
+    try:
+        surface = (_wing if given.shape == "wing" else _box_wing)(folder, where, given)
+    except SceneError:
+        raise
+    except ValueError as error:
+        raise SceneError(f"{where}: {error}") from None
+    return _checked(where, surface)
+
+
+def files_of(folder: Path, given: BodyInput) -> list[str]:
+    """The files in the scene's folder that a body is made of: mesh, table of stations, coordinates of profiles."""
+    profiles = [] if given.profile is None else [given.profile]
+    if given.stations is not None:
+        profiles += read_table(folder / given.stations, STATIONS)["profile"]
+    files = [text for text in (given.mesh, given.stations) if text is not None]
+    return files + sorted({text for text in profiles if not NACA.fullmatch(text)})
+
+
+def _checked(where: str, surface: ClosedSurface, numbers: np.ndarray | None = None) -> ClosedSurface:
+    """The surface with its trailing edges; `numbers` (m,) of its panels as elements of a file."""
+    try:
+        body = Body.of(surface.nodes, surface.panels, surface.trailing_edges)
+    except BodyError as error:
+        told = str(error) if numbers is None else error.called("element", numbers)
+        raise SceneError(f"{where}: {told}") from None
+    return replace(surface, trailing_edges=body.trailing[:, 2:])
+
+
+def _required(where: str, given: BodyInput, needed: tuple[str, ...], known: tuple[str, ...], what: str) -> list[Any]:
+    """Values of the `needed` keys; raises where one is missing, or where others than the `known` ones are not as they
+    are by default.
+    """
+    for key in needed:
+        if getattr(given, key) is None:
+            raise SceneError(f"{where} lacks '{key}'; {what} needs it: add it.")
+    defaults = BodyInput(shape=given.shape)
+    for key in vars(defaults):
+        if key not in ("shape", *known) and getattr(given, key) != getattr(defaults, key):
+            raise SceneError(f"{where} {key} means nothing to {what}; drop it.")
+    return [getattr(given, key) for key in needed]
+
+
+def _check_count(where: str, strips: int, panels: int) -> None:
+    """Raises where `strips` of `panels` round each profile are too many."""
+    if strips * panels > MOST:
+        raise SceneError(f"{where} asks for {strips * panels} panels, more than {MOST}; take fewer.")
+
+
+# Wings
+
+
+def _wing(folder: Path, where: str, given: BodyInput) -> ClosedSurface:
+    """The wing of a planform, or of a table of stations."""
+    if given.stations is not None:
+        return _wing_of_stations(folder, where, given)
+    needed = ("span", "chord", "strips", "panels")
+    span, chord, strips, panels = _required(where, given, needed, (*PROFILE, *WING, *PLANFORM), "a wing")
+    _check_count(where, 2 * strips, panels)
+    sweep, twist, dihedral, arc = (math.radians(v) for v in (given.sweep, given.twist, given.dihedral, given.arc))
+    tip = chord if given.tip_chord is None else given.tip_chord
+    plan = Planform(span, chord, tip, sweep, twist, dihedral, arc, given.axis, given.planform)
+    if given.planform == "elliptic" and given.tip_chord is None:
+        raise SceneError(f"{where} lacks 'tip_chord'; an elliptic wing is cut where its chord is that long: add it.")
+    profile = _profile(folder, where, given)
+    sections = plan.stations(span_shares(strips, given.strip_spacing)).sections(_points(given, panels, profile))
+    return mirrored_wing(sections, given.tip, given.tip_strips, profile.remarks)
+
+
+def _wing_of_stations(folder: Path, where: str, given: BodyInput) -> ClosedSurface:
+    """The wing of a table: its right half from y = 0 to the tip, or the whole from the left to the right tip."""
+    keys = ("panels", "panel_spacing", "panel_growth", "stations", *WING)
+    needed, what = ("stations", "panels", "strips"), "a wing with a table of stations"
+    file, panels, strips = _required(where, given, needed, keys, what)
+    table = read_table(folder / file, STATIONS)
+    _check_order(table)
+    _check_count(where, 2 * strips * len(table), panels)
+    known = {text: _named_profile(folder, table.at(row), text) for row, text in enumerate(table["profile"])}
+    points = {text: _points(given, panels, profile) for text, profile in known.items()}
+    place = np.column_stack([table["x_m"], table["y_m"], table["z_m"]])
+    twist, roll = (np.radians(np.array(table[key])) for key in ("twist_deg", "roll_deg"))
+    stations = Stations(place, np.array(table["chord_m"]), twist, roll, given.axis)
+    stations, profiles = stations.between(strips, np.stack([points[text] for text in table["profile"]]))
+    sections = stations.sections(profiles)
+    remarks = tuple(remark for profile in known.values() for remark in profile.remarks)
+    if table["y_m"][0] == 0.0:
+        if table["roll_deg"][0] != 0.0:
+            raise SceneError(
+                f"{table.at(0)}: roll_deg must be 0 in the plane y = 0, where both halves meet; correct it."
+            )
+        sections[0, :, 1] = 0.0
+        return mirrored_wing(sections, given.tip, given.tip_strips, remarks)
+    return lofted(sections, given.tip, given.tip_strips, remarks)
+
+
+def _check_order(table: Table) -> None:
+    """Raises where stations do not lead from y = 0, or from the left tip, to the right one."""
+    y = table["y_m"]
+    if len(y) < 2:
+        raise SceneError(f"{table.at(0)} is the only station; a wing has two at least.")
+    if y[0] > 0.0 or y[-1] <= 0.0:
+        row = 0 if y[0] > 0.0 else len(y) - 1
+        raise SceneError(
+            f"{table.at(row)}: y_m is {y[row]:g}; stations lead from y_m = 0 to the right tip, or from the left tip "
+            "(y_m < 0) to the right one."
+        )
+    places = list(zip(table["x_m"], y, table["z_m"], strict=True))
+    again = next((k for k in range(1, len(places)) if places[k] == places[k - 1]), 0)
+    if again:
+        raise SceneError(f"{table.at(again)} is at the place of the row before; move or drop one.")
+
+
+def _box_wing(folder: Path, where: str, given: BodyInput) -> ClosedSurface:
+    """The ring of a box wing."""
+    needed = ("span", "chord", "height", "corner_radius", "strips", "plate_strips", "panels")
+    known = (*PROFILE, *BOX)
+    span, chord, height, radius, strips, plate, panels = _required(where, given, needed, known, "a box wing")
+    _check_count(where, 2 * (2 * strips + 2 * given.corner_strips + plate), panels)
+    box = BoxWing(span, height, chord, radius, strips, plate, given.corner_strips, given.strip_spacing)
+    profile = _profile(folder, where, given)
+    return replace(box.surface(_points(given, panels, profile)), remarks=profile.remarks)
+
+
+# Profiles
+
+
+def _profile(folder: Path, where: str, given: BodyInput) -> Profile:
+    """The profile that [body] names, or that of its weights, closed."""
+    if (given.profile is None) == (given.upper_weights is None):
+        what = "no profile" if given.profile is None else "a profile and weights of another"
+        raise SceneError(f"{where} has {what}; give 'profile', or 'upper_weights' of CST.")
+    if given.profile is not None:
+        if given.lower_weights is not None:
+            raise SceneError(f"{where} lower_weights means nothing to a named profile; drop it.")
+        return _named_profile(folder, f"{where} profile", given.profile)
+    assert given.upper_weights is not None
+    return cst(given.upper_weights, given.lower_weights or given.upper_weights).closed()
+
+
+def _named_profile(folder: Path, where: str, text: str) -> Profile:
+    """A NACA profile, or that of a file, closed."""
+    if NACA.fullmatch(text):
+        try:
+            return naca(text)
+        except ValueError as error:
+            raise SceneError(f"{where}: {error}") from None
+    try:
+        path = folder / a_file(text)
+    except Wrong:
+        raise SceneError(f"{where}: '{text[:40]}' is no NACA profile and no file in the scene's folder.") from None
+    if not path.suffix and not path.is_file():
+        raise SceneError(
+            f"{where}: '{text[:40]}' is no NACA profile of four or five digits, and there is no such file; correct it."
+        )
+    return read_profile(path).closed()
+
+
+def _points(given: BodyInput, panels: int, profile: Profile) -> np.ndarray:
+    """Points (panels,2) round the profile."""
+    return profile.points(panels, given.panel_spacing, 0.01 * given.panel_growth)
+
+
+# Files
+
+
+def _from_file(folder: Path, where: str, given: BodyInput) -> ClosedSurface:
+    """The quads and triangles of a mesh, with its groups of lines as trailing edges."""
+    (file,) = _required(where, given, ("mesh",), FILE, "a mesh from a file")
+    mesh = read_panels(folder / file, given.unit, given.groups)
+    names = given.trailing_edges
+    edges = None if names is None else mesh.lines_of(*names) if names else np.zeros((0, 2), dtype=int)
+    return _checked(mesh.label, ClosedSurface(mesh.nodes, mesh.panels, edges, mesh.remarks), mesh.numbers)
