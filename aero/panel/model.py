@@ -347,7 +347,7 @@ class PanelModel(AeroModel):
         far = self._far(case, jumps, wake)
         out |= self._in_trefftz_plane(case, far, jumps)
         if self._strips.whole:
-            drag, of_strips = self._sections(case, far, velocity, values)
+            drag, of_strips = self._sections(case, far, jumps, velocity, values)
             shear = shear + drag
             out |= of_strips
         return out | {"shear": shear}
@@ -372,7 +372,7 @@ class PanelModel(AeroModel):
             "span_efficiency": far.span_efficiency(self._span(case), case.dynamic_pressure) if len(jumps) else 0.0,
         }
 
-    def _sections(self, case, far, velocity, values):
+    def _sections(self, case, far, jumps, velocity, values):
         """Traction (m,3) Pa of the profile drag, and outputs of strips with a chord."""
         strips, g, q = self._strips, case.geometry, case.dynamic_pressure
         chord = strips.chords(case.nodes, g.centre)
@@ -385,7 +385,7 @@ class PanelModel(AeroModel):
             cd = np.full(len(length), float(values["profile_drag_coefficient"]))
         else:
             lift = np.linalg.norm(far.strip_force, axis=1) / np.where(area > 0.0, q * area, np.inf)
-            cd = section_drag(self._polars, np.sign(alpha) * lift)
+            cd = section_drag(self._polars, -np.sign(jumps) * lift)
         drag = q * area * cd
         mean = float(area.sum() / far.width.sum())
         criterion = self.criteria[0]
