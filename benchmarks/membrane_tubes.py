@@ -12,7 +12,7 @@ from structural.materials.membranes import TAUT
 
 from .cantilevers import cantilever, straight, tip_loaded
 from .membrane_models import tube
-from .membrane_references import tube_of_curvature, tube_of_moment
+from .membrane_references import FIRST_WRINKLE, tube_of_curvature, tube_of_moment
 from .plots import STYLES
 from .registry import Table
 from .text import PYTHON, lines, table
@@ -92,6 +92,12 @@ def collapse_of(law):
     return float(section.bending.collapse[0]) / (np.pi * pressure * RADIUS**3)
 
 
+def onset_of(law):
+    """Moment over pi p r^3 at which a law says that wrinkles begin."""
+    section, pressure, _ = laws()[law]
+    return float(section.wrinkling[0]) / (np.pi * pressure * RADIUS**3)
+
+
 def softened_of(law, share=0.99):
     """Moment over pi p r^3 at which the secant stiffness of a law has fallen to a `share` of the initial one."""
     section, pressure, stiffness = laws()[law]
@@ -156,8 +162,9 @@ def bent_tube(quick):
     return lines(
         table(names, rows),
         "Curvature times E h / p. "
-        f"First wrinkle, over π p r³: Comer and Levy 0.5; membranes between {taut:g} and {wrinkled:g}; law `fabric` "
-        f"0.5; the fits do not know it, their secant stiffness has fallen by 1 % at {softened_of('fits'):.2f}. "
+        f"First wrinkle, over π p r³: Comer and Levy {FIRST_WRINKLE / np.pi:g}; membranes between {taut:g} and "
+        f"{wrinkled:g}; law `fabric` {onset_of('fabric'):g}; the fits do not know it, their secant stiffness has "
+        f"fallen by 1 % at {softened_of('fits'):.2f}. "
         f"Collapse: Comer and Levy 1, at infinite curvature; the last equilibrium of the membranes is at "
         f"{_until(held, end)}, with {STIFFER:g} times the E h at {_until(*bounds(found, 1)[2:])}: the "
         "closed form is of vanishing strains. "
