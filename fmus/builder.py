@@ -258,6 +258,13 @@ def _description(instance: CoreFmu, guid: str, fmi: int) -> bytes:
     return xml_file(instance.to_xml() if fmi == 2 else array_description(instance, guid))
 
 
+def guid(path: Path) -> str:
+    """The guid of an FMU that was built here."""
+    with zipfile.ZipFile(path) as file:
+        found = re.search(rb'(?:guid|instantiationToken)="([^"]*)"', file.read("modelDescription.xml"))
+    return found[1].decode() if found else ""
+
+
 def zipped(files: Mapping[str, bytes]) -> bytes:
     """A zip archive of `files` (path -> content) in their order: the same bytes whenever and wherever it is made."""
     buffer = io.BytesIO()

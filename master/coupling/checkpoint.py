@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from interface import StepFailed
+from interface import StepFailed, irregular
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
 from master.coupling.convergence import required_count
@@ -40,8 +40,8 @@ class Files:
             if not isinstance(getattr(self, name), Path | None):
                 raise ValueError(f"{name} must be a pathlib.Path, not {getattr(self, name)!r}.")
         required_count("--checkpoint-every", self.every)
-        if self.checkpoint is not None and self.checkpoint.is_dir():
-            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
+        if self.checkpoint is not None and (what := irregular(self.checkpoint)):
+            raise ValueError(f"--checkpoint {self.checkpoint} is {what}; name a file.")
         if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
             raise ValueError(
                 f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
@@ -55,15 +55,24 @@ class Files:
                     part.write_bytes(b"")
             except OSError as error:
                 raise ValueError(_unwritable(self.checkpoint, error)) from None
+            for path in (self.checkpoint, _earlier(self.checkpoint)):
+                if os.path.lexists(path) and not _is_checkpoint(path):
+                    raise ValueError(f"--checkpoint {self.checkpoint}: {path} is there and no checkpoint; move it.")
 
     def begin(self) -> None:
-        """Remove the checkpoint of an earlier run, so that none is taken for one of the run that begins; that which it
-        continues from stays.
+        """Call the checkpoint of an earlier run NAME.earlier until there is one of the run that begins, so that none is
+        taken for its; that which it continues from stays.
         """
-        if self.checkpoint is not None and not (
-            self.restart is not None and self.checkpoint.exists() and self.checkpoint.samefile(self.restart)
-        ):
-            self.checkpoint.unlink(missing_ok=True)
+        if self.checkpoint is None or not self.checkpoint.exists():
+            return
+        if self.restart is None or not self.checkpoint.samefile(self.restart):
+            os.replace(self.checkpoint, _earlier(self.checkpoint))
+
+    def written(self) -> None:
+        """After a checkpoint was written: that of an earlier run is of no more use."""
+        if self.checkpoint is not None and _is_checkpoint(_earlier(self.checkpoint)):
+            with contextlib.suppress(OSError):
+                _earlier(self.checkpoint).unlink()
 
 
 NO_FILES = Files()
@@ -88,6 +97,7 @@ class Keeper:
             return
         try:
             write(path, about, content())
+            self._files.written()
         except Exception as error:  # whatever it is, results are worth more than a checkpoint
             if not self.remarks:
                 reason = f"{type(error).__name__}: {error}" if not isinstance(error, _TOLD) else str(error)
@@ -113,6 +123,20 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
             os.replace(part, path)
     except OSError as error:
         raise ValueError(_unwritable(path, error)) from None
+
+
+def _earlier(path: Path) -> Path:
+    """What the checkpoint of an earlier run is called meanwhile."""
+    return path.with_name(f"{path.name}.earlier")
+
+
+def _is_checkpoint(path: Path) -> bool:
+    """Whether a file is a checkpoint of some version, or empty."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC) - 2) in (b"", MAGIC[:-2])
+    except OSError:
+        return False
 
 
 def _unwritable(path: Path, error: OSError) -> str:
@@ -147,6 +171,8 @@ def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
     """What a checkpoint is about, and its content as bytes that are whole."""
+    if (what := irregular(path)) and what != "a folder":
+        raise ValueError(f"checkpoint {path} cannot be read (it is {what}).")
     try:
         raw = Path(path).read_bytes()
     except OSError as error:

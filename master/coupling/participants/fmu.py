@@ -6,8 +6,6 @@ An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one 
 import contextlib
 import itertools
 import os
-import shutil
-import tempfile
 import weakref
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -22,6 +20,7 @@ from fmpy.logging import addLoggerProxy
 
 from interface import StepFailed
 from master.coupling.participants.blocks import Blocks, Channel, described_limits, grouped
+from master.coupling.participants.private_folder import PrivateFolder
 
 # fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
 # lives for ever, and finds the participant by the environment pointer that FMI hands through.
@@ -80,8 +79,8 @@ class FmuParticipant(Blocks):
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
         if not Path(path).is_file():
             raise ValueError(f"There is no FMU {path}.")
-        self._folder = tempfile.mkdtemp(prefix="fmu_")
-        self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._private = PrivateFolder()
+        self._folder = str(self._private.path)
         self._states: dict[int | None, c_void_p] = {}
         self._initialised = False
         self._fmu: Any = None  # of fmpy, while it is alive
@@ -111,6 +110,7 @@ class FmuParticipant(Blocks):
             raise ValueError(f"{path} is not a readable FMU: {error}") from error
         if description.fmiVersion != "2.0" or description.coSimulation is None:
             raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
+        self.guid = str(description.guid)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
         variables = {variable.name: variable for variable in description.modelVariables}
@@ -259,4 +259,4 @@ class FmuParticipant(Blocks):
                 self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
             self._fmu.freeLibrary()
         self._fmu = None
-        self._remove()
+        self._private.close()
