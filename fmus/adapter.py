@@ -267,6 +267,17 @@ class CoreFmu(ValueSlave):
             self._logged(f"The state cannot be serialised: {error}", Fmi2Status.error)
             return self._fmu_state_to_bytes(state)
 
+    def deserialize(self, content: bytes) -> Any:
+        """The state of bytes, as the binary of this project asks for it; ValueError, which it logs, where they are no
+        state that this FMU could be restored to.
+        """
+        state = self._fmu_state_from_bytes(content)
+        if isinstance(state, str):
+            raise ValueError(state)
+        if not isinstance(state, tuple) or len(state) != 6 or state[0] != self._layout:
+            raise ValueError("The state belongs to an FMU with other variables.")
+        return state
+
     @staticmethod
     def _fmu_state_to_bytes(state: Any, strict: bool = False) -> bytes:
         """As PythonFMU's binary asks for them: it can hear of no failure, which the bytes tell whoever restores them,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from master import restart
+from master.coupling import checkpoint
 from master.coupling.checkpoint import NO_FILES, Files
 from master.coupling.convergence import required_count, required_number
 from master.coupling.equilibrium import Coupling
@@ -75,13 +76,16 @@ def run_scene(
     built, kept = assigned, list[str]()
     if files.restart is not None:
         asked = restart.Asked(choices, choices.keys() if chosen is None else chosen, motion, assigned)
-        choices, built, kept = asked.remembered(files.restart, scenes.name_of(name))
+        with checkpoint.damaged(files.restart):
+            choices, built, kept = asked.remembered(files.restart, scenes.name_of(name))
+            _checked(choices)
     _checked(choices)
     scene, given, cores = prepared(name, built)
     if files.restart is None:
         scene, cores, _ = at_rest(scene, given, cores)  # a run that finds no start says so by itself
     if files.restart is not None:
-        motion, more = asked.remembered_motion(files.restart, scene)
+        with checkpoint.damaged(files.restart):
+            motion, more = asked.remembered_motion(files.restart, scene)
         kept += more
     if motion and not scene.transient:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]

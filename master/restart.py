@@ -280,6 +280,11 @@ def _give(exchange: Exchange, now: Mapping[str, Any], names: list[str]) -> None:
                 participant.set(name, now["parameters"][name])
 
 
+def _said(path: Path, error: ValueError) -> ValueError:
+    """The error with the path of the checkpoint in its sentence."""
+    return error if str(path) in str(error) else ValueError(f"{path}: {error}")
+
+
 def resumed_march(
     path: Path, exchange: Exchange, scheme: Scheme | None, about: Mapping[str, Any], chosen: Mapping[str, Any]
 ) -> tuple[March, str]:
@@ -292,10 +297,11 @@ def resumed_march(
     now = json.loads(json.dumps(dict(about), default=str))
     given = _changed(path, was, now, chosen, exchange)
     try:
-        begun = checkpoint.load_march(exchange, content, scheme)
-        begun.require_fields(exchange, about["order"])
+        with checkpoint.damaged(path):
+            begun = checkpoint.load_march(exchange, content, scheme)
+            begun.require_fields(exchange, about["order"])
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise _said(path, error) from error
     _give(exchange, now, given)
     changed = _others(was, now, ("scene_files", "scheme", "relaxation", "tolerance", "communication_step", "inputs"))
     remark = f"restarted from {path.name} at {was['time']:g} s"
@@ -320,9 +326,10 @@ def resumed(
     now = json.loads(json.dumps(dict(about), default=str))
     given = _changed(path, was, now, chosen, coupling)
     try:
-        search = checkpoint.load_search(coupling, content)
+        with checkpoint.damaged(path):
+            search = checkpoint.load_search(coupling, content)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise _said(path, error) from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     changed = _others(was, now, [k for k in now if k not in (*HARMLESS, "parameters")])
     remark = f"restarted from {path.name} after {was['coupling_iterations']} coupling iterations"

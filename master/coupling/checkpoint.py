@@ -1,28 +1,32 @@
 """Checkpoint and restart: the state of a coupled run in one file, so that it can continue as if it had never stopped.
 
-The file has a line that says what it is, a line of JSON for people, and pickled content, checked by its SHA-256.
-Pickles can run code when they are read: read only files of your own.
+The file has a line that says what it is, a line of JSON for people, and the content as npz with JSON in it
+(`interface.records`), checked by its SHA-256. Nothing of it is run.
 """
 
 import contextlib
 import hashlib
 import json
 import os
-import pickle
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from interface import StepFailed, irregular
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
 from master.coupling.convergence import required_count
 from master.coupling.exchange import Exchange, StateSnapshot
+from master.coupling.kept import damage, dumps, loads
 from master.coupling.march import March
 from master.coupling.steady import Search
 
-MAGIC = b"kitecosim checkpoint 3\n"
+NUMBERS = ("time", "steps", "coupling_iterations", "stop_time", "communication_step")  # of what it says of a run
+TABLES = ("scene_settings", "parameters", "models", "validity")
+MAGIC = b"kitecosim checkpoint 4\n"
 
 
 @dataclass(frozen=True)
@@ -113,8 +117,8 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
     """
     path = Path(path)
     try:
-        data = pickle.dumps(dict(content), protocol=5)
-    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        data = dumps(dict(content))
+    except TypeError as error:
         raise ValueError(f"checkpoint {path} cannot be written: {str(error).rstrip('.')}.") from error
     head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
     try:
@@ -155,7 +159,7 @@ def _part(path: Path) -> Iterator[Path]:
 
 
 def head(path: str | Path) -> dict[str, Any]:
-    """What a checkpoint is about; ValueError in one sentence if it is not a sound one. Nothing is unpickled."""
+    """What a checkpoint is about; ValueError in one sentence if it is not a sound one."""
     about, _ = _parts(path)
     return about
 
@@ -163,10 +167,16 @@ def head(path: str | Path) -> dict[str, Any]:
 def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a checkpoint is about, and its content; ValueError in one sentence if it is not a sound one."""
     about, data = _parts(path)
-    try:
-        return about, pickle.loads(data)
-    except (ValueError, LookupError, TypeError, pickle.PickleError, AttributeError, ImportError, EOFError):
-        raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
+    with damaged(path):
+        content = loads(data)
+        if not isinstance(content, dict):
+            raise TypeError
+    return about, content
+
+
+def damaged(path: str | Path) -> contextlib.AbstractContextManager[None]:
+    """What is not as a checkpoint has it becomes a ValueError in one sentence."""
+    return damage(f"checkpoint {path} is damaged or of another version; begin without it.")
 
 
 def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
@@ -185,6 +195,10 @@ def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
     try:
         about: dict[str, Any] = json.loads(line)
         if about.pop("sha256") != hashlib.sha256(data).hexdigest():
+            raise ValueError
+        if not all(isinstance(about.get(key, 0.0), int | float) for key in NUMBERS):
+            raise ValueError
+        if not all(isinstance(about.get(key, {}), dict) for key in TABLES):
             raise ValueError
     except (ValueError, LookupError, TypeError, AttributeError):
         raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
@@ -257,7 +271,10 @@ def load_search(coupling: Exchange, content: Mapping[str, Any]) -> Search:
     """Restore the participants of a coupled solve; what `solve` continues from."""
     if "search" not in content:
         raise ValueError("the checkpoint is not of a coupled equilibrium.")
-    search: Search = content["search"]
+    search = content["search"]
+    if not isinstance(search, Search):
+        raise ValueError("the checkpoint is not of a coupled equilibrium.")
+    _require_unknowns(search.x, coupling.present(search.order))
     load_participants(coupling, content["participants"])
     if content["best"] is not None:
         best = content["best"]["states"]
@@ -279,11 +296,19 @@ def load_march(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | 
     """
     if "march" not in content:
         raise ValueError("the checkpoint is not of a transient run.")
+    begun = content["march"]
+    if not isinstance(begun, March):
+        raise ValueError("the checkpoint is not of a transient run.")
     load_participants(exchange, content["participants"])
     if scheme is not None:
         adopt(scheme, content["scheme"])
-    begun: March = content["march"]
     return begun
+
+
+def _require_unknowns(x: np.ndarray, here: np.ndarray) -> None:
+    """ValueError in one sentence where the unknowns are not as many numbers."""
+    if np.shape(x) != here.shape or not np.all(np.isfinite(x)):
+        raise ValueError(f"the checkpoint has {np.size(x)} unknowns, and here are {here.size}; begin without it.")
 
 
 # Their names in releases up to 0.1

@@ -131,10 +131,11 @@ class Run:
                 f"{', '.join(self._models().values())}; begin without it."
             )
         try:
-            now = checkpoint.load_march(self.exchange, content, self.scheme)
-            now.require_fields(self.exchange, self.document.settings.order)
+            with checkpoint.damaged(path):
+                now = checkpoint.load_march(self.exchange, content, self.scheme)
+                now.require_fields(self.exchange, self.document.settings.order)
         except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
+            raise (error if str(path) in str(error) else ValueError(f"{path}: {error}")) from error
         self._require_times(f"the {self.exchange.time:g} s of the checkpoint {path}")
         return now
 

@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from interface import misnamed
+
 from ..builders.interface import (
     design_interface,
     face_interface,
@@ -42,6 +44,9 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
     interface = _interface(read, members, struts, sections)
     check_line_ends(folder, read.structure, members, loads, interface)
+    for label in (*members.labels, *members.names, *(members.membranes.seams if members.membranes else ())):
+        if why := misnamed(label):  # what comes from a file of a mesh
+            raise SceneError(f"{folder.name}: the name {label!r} {why}; choose another.")
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
@@ -119,12 +124,19 @@ def _folder(scene: str | Path) -> Path:
     for folder in (Path(scene), BUILT_IN / str(scene)):
         try:
             if str(scene) and (folder / "scene.toml").exists():
-                return folder.resolve()
+                return _named(folder.resolve())
         except (OSError, ValueError):  # names that no file can have
             break
     known = ", ".join(available())
     shown = str(scene)[:80]
     raise SceneError(f"there is no scene '{shown}'; built-in are: {known} (or name a folder with a scene.toml).")
+
+
+def _named(folder: Path) -> Path:
+    """The folder, if its name can be that of a scene."""
+    if why := misnamed(folder.name):
+        raise SceneError(f"the folder {folder.name!r} {why}; a scene is called like its folder: rename it.")
+    return folder
 
 
 def available() -> list[str]:
