@@ -1,6 +1,7 @@
 """Command line: `kitecosim`; what its commands do is in commands.py, transient.py, studies and fmu_coupling."""
 
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -327,25 +328,31 @@ def _finish(command: Any) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(141) from None  # as a shell calls it: 128 and SIGPIPE
     except OSError as error:
-        typer.echo(f"kitecosim: {_told(error)}{_noted(error)}", err=True)
+        _say(f"{_told(error)}{_noted(error)}")
         raise typer.Exit(2) from None
     except ValueError as error:
-        typer.echo(f"kitecosim: {error}{_noted(error)}", err=True)
+        _say(f"{error}{_noted(error)}")
         raise typer.Exit(2) from None
     except KeyboardInterrupt as error:
-        typer.echo(
-            f"kitecosim: interrupted; a run with --checkpoint continues with --restart.{_noted(error)}", err=True
-        )
+        _say(f"interrupted; a run with --checkpoint continues with --restart.{_noted(error)}")
         raise typer.Exit(130) from None
     except (RuntimeError, ArithmeticError) as error:  # an FMU that ended with fmi2Fatal, a solver that gave up
         from interface import StepFailed
 
         if isinstance(error, ArithmeticError) and not isinstance(error, StepFailed):
             raise
-        typer.echo(f"kitecosim: {error}{_noted(error)}", err=True)
+        _say(f"{error}{_noted(error)}")
         raise typer.Exit(1) from None
     if code:
         raise typer.Exit(code)
+
+
+def _say(sentence: str) -> None:
+    """A sentence on standard error, whose control characters are written out: names of files may have some."""
+    from interface import unprintable
+
+    shown = "".join(repr(c)[1:-1] if c != "\n" and unprintable(c) else c for c in sentence)
+    typer.echo(f"kitecosim: {shown}", err=True)
 
 
 def _told(error: OSError) -> str:
@@ -361,5 +368,21 @@ def _noted(error: BaseException) -> str:
 
 
 def main() -> None:
-    """Entry point of the `kitecosim` script."""
-    app(prog_name="kitecosim")
+    """The command line; exit code 130 whenever there was an interrupt (Ctrl-C), wherever that has been caught."""
+    came: list[int] = []
+
+    def interrupt(number: int, frame: Any) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        app(prog_name="kitecosim")
+    except (SystemExit, KeyboardInterrupt) as end:
+        if came or isinstance(end, KeyboardInterrupt):
+            raise SystemExit(130) from None
+        raise
+    finally:
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)  # nothing is left to clean up

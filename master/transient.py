@@ -137,6 +137,10 @@ def _write(
     """Print the table of a run and write its files but history.csv, which is there."""
     scene, out = job.scene, job.out
     merged = {**blocks["structural"], **blocks.get("aero", {})}
+    if not run.finished and "displacement" in blocks["structural"]:  # the flow may have seen another iterate
+        merged["displacement"] = blocks["structural"]["displacement"]
+        last = f"the last coupling iteration of step {len(run.steps)}" if len(run.steps) else "the start"
+        remarks = [*remarks, f"not finished: the tables are of one shape of the structure, that of {last}"]
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
     merged = nothing_on(scene.interface) | merged
     written = ["summary.json", "history.csv"]

@@ -20,7 +20,7 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 from master.coupling.participants.private_folder import Hold, hold
-from master.report.record import clear_leftovers
+from master.report.record import clear_leftovers, named
 
 MARKER = ".kitecosim.json"
 REPLACED = ".kitecosim.replaced"  # earlier results, for the moment in which the new ones take their place
@@ -228,7 +228,8 @@ def _marker(folder: Path) -> dict[str, Any]:
 
 def _mark(folder: Path, content: dict[str, Any]) -> None:
     part = folder / f"{MARKER}.part"
-    part.write_text(json.dumps({"layout": LAYOUT, **content}, indent=1) + "\n", encoding="utf-8")
+    with named(part):
+        part.write_text(json.dumps({"layout": LAYOUT, **content}, indent=1) + "\n", encoding="utf-8")
     part.replace(folder / MARKER)
 
 

@@ -178,6 +178,7 @@ def summary(run: "Run", settings: dict[str, Any]) -> dict[str, Any]:
         "coupling_iterations": result.iterations,
         "residual": result.residual,
         "residual_N": result.residual_N,
+        "shape_of_iteration": result.iterate,
         "first_residual": result.history[0]["residual_m"],
         "statically_stable": None if judged is None else judged.statically_stable,
         "stability": None

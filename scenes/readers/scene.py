@@ -121,12 +121,15 @@ def settings_of(scene: str | Path) -> dict[str, Setting]:
 
 def _folder(scene: str | Path) -> Path:
     """The folder of a scene given by path or by the name of a built-in one."""
+    found = None
     for folder in (Path(scene), BUILT_IN / str(scene)):
         try:
-            if str(scene) and (folder / "scene.toml").exists():
-                return _named(folder.resolve())
+            if found is None and str(scene) and (folder / "scene.toml").exists():
+                found = folder.resolve()
         except (OSError, ValueError):  # names that no file can have
             break
+    if found is not None:
+        return _named(found)
     known = ", ".join(available())
     shown = str(scene)[:80]
     raise SceneError(f"there is no scene '{shown}'; built-in are: {known} (or name a folder with a scene.toml).")
