@@ -6,6 +6,7 @@ def main() -> None:
     try:
         from master.cli import main as command
     except KeyboardInterrupt:
+        exec("")  # as in master.cli
         raise SystemExit(130) from None
     command()
 

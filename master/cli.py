@@ -380,9 +380,10 @@ def main() -> None:
     try:
         app(prog_name="kitecosim")
     except (SystemExit, KeyboardInterrupt) as end:
+        exec("")  # else Python, had the interrupt come within an exec or eval, would end by the signal all the same
         if came or isinstance(end, KeyboardInterrupt):
             raise SystemExit(130) from None
         raise
     finally:
         if signal.getsignal(signal.SIGINT) is interrupt:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)  # nothing is left to clean up
+            signal.signal(signal.SIGINT, lambda *_: os._exit(130))  # nothing is left to clean up

@@ -65,7 +65,7 @@ class ResultsFolder:
         ValueError in one sentence where files of others have come there in the meantime; the results stay in `path`.
         """
         new = {name: _digest(self.path / name) for name in _files(self.path)}
-        with _uninterrupted(), self._alone():
+        with uninterrupted(), self._alone():
             foreign = [name for name in new if (self.out / name).is_dir()]
             foreign += [] if self._force else _foreign(self.out, list(new))
             if foreign:
@@ -289,7 +289,7 @@ def _everything(folder: Path) -> list[str]:
 
 
 @contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
+def uninterrupted() -> Iterator[None]:
     """An interrupt (Ctrl-C) that comes meanwhile comes at its end."""
     if threading.current_thread() is not threading.main_thread():  # no other one is interrupted
         yield
