@@ -284,6 +284,8 @@ def written(path: Path, content: bytes) -> Path:
     try:
         part.write_bytes(content)
         os.replace(part, path)
+    except OSError as error:  # of a full disk it does not say where
+        raise type(error)(error.errno, error.strerror or str(error), str(path)) from error
     finally:
         part.unlink(missing_ok=True)
     return path

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from interface.line_drag import FRICTION, NORMAL_DRAG
 
 SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled")
+LARGEST = 1e100  # of a number in a scene, whose squares and cubes are numbers too; so are those of 1 / LARGEST
 INTEGRATION = ("implicit-euler", "generalised-alpha", "bdf2")
 
 
@@ -47,6 +48,8 @@ class Number:
             number = float(value)
         except OverflowError:
             raise Wrong(self.meaning) from None
+        if math.isfinite(number) and abs(number) > LARGEST:
+            raise Wrong(f"{self.meaning}, of at most {LARGEST:g}")
         if not math.isfinite(number) or not self.low <= number <= self.high or number <= self.above:
             raise Wrong(self.meaning)
         return number

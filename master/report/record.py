@@ -20,17 +20,25 @@ class Rows:
     """
 
     def __init__(self, path: Path, header: list[str]) -> None:
-        self._path, self._file = path, path.open("wb", buffering=0)
+        self._path, self._file, self._whole = path, path.open("wb", buffering=0), 0
         self.add(header)
 
     def add(self, row: list[Any]) -> None:
-        """One row more; floats keep all their digits. OSError that names the file where the disk is full."""
+        """One row more; floats keep all their digits. OSError that names the file where the disk is full; no part of
+        the row is left then.
+        """
         text = io.StringIO()
         csv.writer(text, lineterminator="\n").writerow(row)
         data = memoryview(text.getvalue().encode())
-        with named(self._path):
-            while data:
-                data = data[self._file.write(data) :]
+        whole = self._whole + len(data)
+        try:
+            with named(self._path):
+                while data:
+                    data = data[self._file.write(data) :]
+            self._whole = whole
+        finally:
+            if self._whole != whole:
+                self._file.truncate(self._whole)
 
     def close(self) -> None:
         """The end of the file; once is enough."""

@@ -1,14 +1,13 @@
 """CSV tables of a scene, read with errors that name file, row and remedy."""
 
 import csv
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from interface import irregular, misnamed, unprintable
 
-from ..schema import SceneError
+from ..schema import LARGEST, SceneError
 
 
 def require_own(path: Path, label: str) -> None:
@@ -22,7 +21,7 @@ def require_own(path: Path, label: str) -> None:
 def number(text: str) -> float:
     """A finite number; `1e4` and `10000.0` alike."""
     value = float(text)
-    if not math.isfinite(value):
+    if not abs(value) <= LARGEST:
         raise ValueError
     return value
 
@@ -30,7 +29,7 @@ def number(text: str) -> float:
 def positive(text: str) -> float:
     """A finite number above zero."""
     value = number(text)
-    if value <= 0.0:
+    if value < 1.0 / LARGEST:
         raise ValueError
     return value
 
@@ -63,9 +62,9 @@ def names(text: str) -> tuple[str, ...]:
 
 
 _MEANING: dict[Callable[[str], Any], str] = {
-    number: "a finite number",
-    positive: "a number above zero",
-    non_negative: "a number, zero or more",
+    number: f"a finite number of at most {LARGEST:g}",
+    positive: f"a number above zero, from {1.0 / LARGEST:g} to {LARGEST:g}",
+    non_negative: f"a number, zero or more, of at most {LARGEST:g}",
     whole: "a whole number",
     name: "a name without blanks and control characters that begins with none of = + - @",
     names: "names separated by blanks, without control characters, none of which begins with = + - @",

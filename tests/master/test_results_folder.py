@@ -4,12 +4,15 @@ import json
 import logging
 import os
 import shutil
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+import master
 from master import compare, couple
 from master.cli import app
 from master.coupling.participants import private_folder
@@ -19,6 +22,7 @@ from master.report.results_folder import MARKER, ResultsFolder
 from tests.master.test_couple import oscillator
 
 RUN = ["run", "tether_in_wind", "--backend", "in-process", "--no-report", "--stop-time", 0.2]
+ROOT = Path(master.__file__).parents[1]
 NAMES = ("a.csv", "b.csv", "fmus/c.fmu")
 
 
@@ -334,3 +338,48 @@ def test_files_of_other_commands_and_builds_stay(tmp_path):
     names = {p.name for p in tmp_path.iterdir()}
     assert {"tether_in_wind_aero.fmu", "typical_section_structural.fmu", "compare.csv", "history.csv", "cells"} <= names
     assert cli("build", "tether_in_wind", "--out", tmp_path).exit_code == 0  # its own again
+
+
+LIMITED = """
+import resource, signal, sys
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1500, 1500))
+from master.__main__ import main
+main()
+"""
+
+
+def test_a_full_disk_is_named_and_leaves_whole_rows_and_the_earlier_results(tmp_path):
+    """A limit on the size of files stands for the disk: the system refuses in the same place."""
+    out = tmp_path / "out"
+    words = [*RUN[:-1], "1.0", "--scheme", "explicit", "--out", out]
+    assert cli(*words).exit_code == 0
+    before = contents(out)
+    command = [sys.executable, "-c", LIMITED, *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 2, done.stderr
+    assert f"{tmp_path}/out.partial/history.csv cannot be read or written (file too large)" in done.stderr
+    assert f"What was written until then is in {tmp_path}/out.partial." in done.stderr
+    assert contents(out) == before
+    rows = (tmp_path / "out.partial/history.csv").read_text()
+    assert rows.endswith("\n")
+    assert before["history.csv"].startswith(rows)
+
+
+def test_an_interrupt_at_any_moment_is_exit_code_130(tmp_path):
+    """From the first import on; what comes before is Python's own start."""
+    command = [sys.executable, "-c", INTERRUPTED, *map(str, [*RUN, "--out", tmp_path / "out"])]
+    for after in (0.0, 0.1, 0.3, 0.6):
+        done = subprocess.run([*command, str(after)], capture_output=True, text=True, check=False, cwd=ROOT)
+        assert done.returncode == 130, (after, done.returncode, done.stderr)
+        assert "Traceback" not in done.stderr
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time
+after = float(sys.argv.pop())
+from master.__main__ import main
+threading.Thread(target=lambda: (time.sleep(after), os.kill(os.getpid(), signal.SIGINT)), daemon=True).start()
+main()
+time.sleep(5)
+"""

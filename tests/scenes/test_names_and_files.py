@@ -144,3 +144,28 @@ def test_participants_of_such_names_are_refused(name, tmp_path):
     content = {"time": {"stop": 1.0, "step": 0.1}, "participants": {name: {"fmu": "x.fmu"}}}
     with pytest.raises(ValueError, match=r"has the name .*; choose another"):
         Document.of(content, tmp_path)
+
+
+def numbers_of_tables():
+    """Scene, table and column of every number in the tables of small scenes."""
+    for name in ("tether_in_wind", "typical_section", "v3_kite"):
+        for path in sorted((TETHER.parent / name).glob("*.csv")):
+            header, first = (line.split(",") for line in path.read_text().splitlines()[:2])
+            yield from ((name, path.name, k) for k, cell in enumerate(first) if re.fullmatch(r"-?[\d.]+", cell) and k)
+            assert len(header) == len(first)
+
+
+@pytest.mark.parametrize("value", ["1e300", "-1e300", "1e-300", "1e90", "1e-90"])
+@pytest.mark.parametrize(("name", "table", "column"), list(numbers_of_tables()))
+def test_numbers_whose_squares_are_none_are_refused_and_others_are_taken(name, table, column, value, tmp_path):
+    folder = Path(shutil.copytree(TETHER.parent / name, tmp_path / name))
+    lines = (folder / table).read_text().splitlines()
+    cells = lines[1].split(",")
+    cells[column] = value
+    (folder / table).write_text("\n".join([lines[0], ",".join(cells), *lines[2:]]) + "\n")
+    said = ""
+    try:
+        scenes.load(folder).cores()
+    except SceneError as error:
+        said = str(error)
+    assert not said or f"{name}/" in said
