@@ -22,7 +22,7 @@ from .registry import Table
 from .text import lines, table
 
 SEED = 2026
-KILLS = 20  # of each command
+KILLS = 30  # of each command
 LIMIT = 300.0  # s, within which every command has to end
 MARKER = ".kitecosim.json"
 COUPLED = """
@@ -165,7 +165,7 @@ def campaign(folder, names, kills, seed=SEED):
         found = counts.setdefault(name, {"tried": 0, "rows kept": 0})
         for k in range(kills):
             before, how = contents(place.out), (signal.SIGKILL, signal.SIGINT)[k % 2]
-            code, errors = disturbed(place, make(10 + k), chance.uniform(0.0, 1.1 * seconds), how)
+            code, errors = disturbed(place, make(10 + k), chance.uniform(0.0, 0.95 * seconds), how)
             word, fault = judged(place, before, code, errors, how)
             found["tried"] += 1
             found[word] = found.get(word, 0) + 1

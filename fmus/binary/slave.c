@@ -328,8 +328,9 @@ int slave_deserialize(Slave *slave, const char *bytes, size_t size, void **state
     const int gil = py.acquire_gil();
     void *const content = py.memory_view((char *)bytes, (long)size, READ);
     void *const result = content != NULL ? py.call(slave->object, "deserialize", "(O)", content) : NULL;
+    const int is_state = result != NULL && py.is_true(result) == 1; /* else it has logged why there is none */
     py.decref(content);
-    return end_call(slave, result, state, gil);
+    return end_call(slave, result, is_state ? state : NULL, gil) && is_state;
 }
 
 void slave_release_object(void *object)
