@@ -20,6 +20,7 @@ SUBJECTS = (
     "coupling_stress",
     "fmu_fuzz",
     "fmu_cycles",
+    "run_stress",
     "typical_section",
     "saddle",
     "beams",

@@ -228,7 +228,9 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    entries: list[tuple[Any, str]] = [(Patch(fc=(*BLUE, 0.45), ec=BLUE, lw=0.5), "wing surface (interface)")]
+    entries: list[tuple[Any, str]] = []
+    if len(state.surface.panels):
+        entries.append((Patch(fc=(*BLUE, 0.45), ec=BLUE, lw=0.5), "wing surface (interface)"))
     frame = state.frame
     if frame is None and _pressures(state) is not None:
         entries = [(Line2D([], [], ls=""), "a closed body, in the colours of the load on it")]

@@ -21,6 +21,7 @@ from ..builders.mesh import Parts, TriangleMesh, renumbered, turned
 from ..builders.mesh_checks import check_connected, check_no_loose_nodes, check_triangles, without_loose_nodes
 from ..builders.topology import outward_flips
 from ..schema import SceneError
+from .tables import require_own
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}  # m
 LARGEST = 100.0  # m across, beyond which a mesh whose unit is not given is taken to be in mm
@@ -143,6 +144,7 @@ def _content(path: Path, label: str) -> tuple[Any, tuple[str, ...]]:
         import meshio
     except ModuleNotFoundError:
         raise SceneError(f"{label}: {MISSING}") from None
+    require_own(path, label)
     if not path.is_file():
         raise SceneError(f"{label} does not exist; add the file or correct its name.")
     known = meshio.extension_to_filetypes
