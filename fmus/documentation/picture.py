@@ -196,7 +196,8 @@ def icon(scene: Scene | None, side: str) -> bytes:
     strokes: list[tuple[np.ndarray, float]] = []
     bold = 1.7
     if scene is not None:
-        places, ends = scene.interface.nodes[scene.interface.sections[:, 0]], _lines(scene)
+        places = scene.interface.nodes[scene.interface.sections[:, 0]]
+        ends = _lines(scene) if scene.has_structure else np.zeros((0, 2, 3))
         views = [VIEWS[1 if scene.members.membranes is None else 0], *VIEWS]
         drawn = scene.interface.nodes if scene.body is not None else np.concatenate([places, ends.reshape(-1, 3)])
         spread = [np.ptp(drawn @ np.array(v[1:]).T, axis=0).max() for v in views]
