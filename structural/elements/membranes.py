@@ -34,7 +34,7 @@ BLOCK = 2048
 # How far lengths of mirror images may differ, relative to the element: rounding of rotated coordinates.
 ALIKE = 1e-9
 # Forces that rounding of positions leaves, over eps stiffness reach; see `rounding`.
-ROUNDING = 0.2
+ROUNDING = 0.25
 
 # Up to where the law is meant, and a fabric holds.
 MEMBRANE_STRAIN = Criterion(
