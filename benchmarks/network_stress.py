@@ -13,7 +13,7 @@ from .random_networks import random_network
 from .registry import Table
 from .text import lines, table
 
-SEEDS = 100
+SEEDS = 60
 ATOL = 1e-6  # N
 # EA h^2 / EI of the beams; and what 20 elements or more may miss of the place of the tip, in parts of the length.
 EXTENSION, BENT = 1e3, 1e-3

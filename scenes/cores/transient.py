@@ -29,8 +29,8 @@ MOST_SUBSTEPS = 1e6  # of the integration within a communication step: none is m
 class TransientState:
     """State of all nodes: positions `x` m, velocities `v` m/s and accelerations `a` m/s^2, (n,3) each, what a two-step
     scheme keeps of the step before (`past`: its size s, positions and velocities then), the `loads` at the end of the
-    last step, and of each tape its rest length m then, the parameter m that it belonged to and the rate m/s of reeling;
-    the energy J `exchanged` so far (see `Balance`).
+    last step, and of each tape its rest length m then and the parameter m that it belonged to, and the rate m/s of its
+    reeling; the energy J `exchanged` so far (see `Balance`).
     """
 
     x: np.ndarray
@@ -38,7 +38,8 @@ class TransientState:
     a: np.ndarray
     past: tuple[float, np.ndarray, np.ndarray] | None = None
     loads: Loads | None = None
-    lengths: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    lengths: dict[str, tuple[float, float]] = field(default_factory=dict)
+    rates: dict[str, float] = field(default_factory=dict)
     exchanged: float = 0.0
 
 
@@ -124,11 +125,10 @@ class Transient(Solver):
         return x if found is drawn else heading.taken_home(found, axes)
 
     def _lengths(self, values):
-        return {name: (float(values[name]), float(values[name]), self._rate(values, name)) for name in self.model.tapes}
+        return {name: (float(values[name]), float(values[name])) for name in self.model.tapes}
 
-    @staticmethod
-    def _rate(values, tape):
-        return float(values[f"{tape}_rate"])
+    def _rates(self, values):
+        return {name: float(values[f"{name}_rate"]) for name in self.model.tapes}
 
     def follow(self, block, values, state, started):
         """See Solver."""
@@ -154,7 +154,7 @@ class Transient(Solver):
                 f"{float(values['longest_step']):g} s at most (longest_step); take a shorter one."
             )
         if first:  # what was set before the first step is where it begins
-            state = replace(state, lengths=self._lengths(values))
+            state = replace(state, lengths=self._lengths(values), rates=self._rates(values))
         vary = state.loads is not None and bool(values["loads_vary"])
         lengths = self._reeled(values, state, t, dt, vary)
         now = self.model.loads(values, self._more_line({name: end for name, (_, end, _) in lengths.items()}))
@@ -174,8 +174,9 @@ class Transient(Solver):
             why = result.message[0].lower() + result.message[1:]
             raise StepFailed(f"the motion cannot be integrated beyond {t + result.state.t:.6g} s: {why}")
         assert result.balance is not None  # asked for
-        ended = {k: (lengths[k][1], float(values[k]), self._rate(values, k)) for k in self.model.tapes}
-        state = self._expanded(motion, result.state, now, ended, result.balance.exchanged)
+        ended = {name: (lengths[name][1], float(values[name])) for name in self.model.tapes}
+        state = self._expanded(motion, result.state, now, ended)
+        state = replace(state, rates=self._rates(values), exchanged=result.balance.exchanged)
         return Result(self._outputs(values, state, result, air, symmetric), state)
 
     def _integrator(self, values):
@@ -187,10 +188,10 @@ class Transient(Solver):
         """Tape -> rest lengths m at the beginning and at the end of the step, and the change m/s of the rate in it,
         which goes from that of the step before to the present one if loads `vary`.
         """
-        out = {}
-        for name, (length, parameter, before) in state.lengths.items():
-            rate = self._rate(values, name)
-            more = rate - before if vary else 0.0
+        out, rates = {}, self._rates(values)
+        for name, (length, parameter) in state.lengths.items():
+            rate = rates[name]
+            more = rate - state.rates.get(name, rate) if vary else 0.0
             end = length + float(values[name]) - parameter + dt * (rate - 0.5 * more)
             if end <= 0.0:
                 raise StepFailed(
@@ -273,12 +274,12 @@ class Transient(Solver):
         return State(0.0, r(state.x), r(state.v), r(state.a), past)
 
     @staticmethod
-    def _expanded(motion, end, loads, lengths, exchanged):
+    def _expanded(motion, end, loads, lengths):
         """The state of all nodes from that of the unknowns."""
         u = motion.unknowns
         past = None if end.past is None else (end.past[0], u.expand(end.past[1]), u.displacements(end.past[2]))
         return TransientState(
-            motion.positions(end.q), u.displacements(end.v), u.displacements(end.a), past, loads, lengths, exchanged
+            motion.positions(end.q), u.displacements(end.v), u.displacements(end.a), past, loads, lengths
         )
 
     @staticmethod
@@ -316,7 +317,7 @@ class Transient(Solver):
         return self._shown(values, state) | {"elastic_energy": stored}
 
     def _shown(self, values, state):
-        lengths = {name: length for name, (length, *_) in state.lengths.items()}
+        lengths = {name: length for name, (length, _) in state.lengths.items()}
         chains = self.model.tapes.chains(lengths, self._modulus(values))  # as reeled, whatever the parameters say
         shown = self.model.shown(values, state.x, None, chains)
         velocity = outward(self.model.interface.weights @ state.v, self.model.heading.axes(values))
@@ -325,7 +326,7 @@ class Transient(Solver):
     def _outputs(self, values, state, result, air, symmetric):
         out = self._shown(values, state)
         out |= {name: getattr(result.balance, energy) for name, energy in ENERGIES.items()}
-        out |= {f"{name}_present": length for name, (length, *_) in state.lengths.items()}
+        out |= {f"{name}_present": length for name, (length, _) in state.lengths.items()}
         inertia = self._node_mass(values, state) @ state.a
         if air is not None:
             inertia = inertia + np.einsum("nij,nj->i", air, state.a)
@@ -338,6 +339,6 @@ class Transient(Solver):
         }
 
     def _node_mass(self, values, state):
-        more = self._more_line({name: length for name, (length, *_) in state.lengths.items()})
+        more = self._more_line({name: length for name, (length, _) in state.lengths.items()})
         own = self.model.mass(values)
         return own if more is None else own + more
