@@ -1,6 +1,7 @@
-"""Convergence accelerators of Kratos CoSimulation as schemes of `fixed_point`, so that both meet the same test.
+"""Kratos as a peer: it is loaded when first asked for, and its convergence accelerators are schemes of `fixed_point`,
+so that both meet the same test.
 
-Kratos (BSD) is loaded when the first scheme is made: pip install -c constraints.txt -e '.[peers]'
+Kratos (BSD) is an extra: pip install -c constraints.txt -e '.[peers]'
 """
 
 import contextlib
@@ -14,6 +15,7 @@ from importlib import metadata
 import numpy as np
 
 NOT_INSTALLED = "Kratos is not installed"
+INSTALL = "pip install -c constraints.txt -e '.[peers]'"
 
 
 def version():
@@ -22,6 +24,30 @@ def version():
         return metadata.version("KratosCoSimulationApplication")
     except metadata.PackageNotFoundError:
         return None
+
+
+def has(*packages):
+    """Whether applications of Kratos are installed, by names such as StructuralMechanicsApplication."""
+    try:
+        for package in packages:
+            metadata.version(f"Kratos{package}")
+    except metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def loaded(*packages):
+    """Kratos' core with these applications, without its banners and with warnings only; ModuleNotFoundError in a
+    sentence where one is not installed.
+    """
+    if not has(*packages):
+        raise ModuleNotFoundError(f"{NOT_INSTALLED}; {INSTALL} brings it.")
+    with _silence():
+        core = importlib.import_module("KratosMultiphysics")
+        for package in packages:
+            importlib.import_module(f"KratosMultiphysics.{package}")
+    core.Logger.GetDefaultOutput().SetSeverity(core.Logger.Severity.WARNING)
+    return core
 
 
 class KratosAccelerator:
@@ -78,13 +104,10 @@ class KratosAccelerator:
 def _creator(kind):
     """settings -> accelerator, from Kratos' module of that name."""
     if version() is None:
-        raise ModuleNotFoundError(f"{NOT_INSTALLED}; pip install -c constraints.txt -e '.[peers]' brings it.")
+        raise ModuleNotFoundError(f"{NOT_INSTALLED}; {INSTALL} brings it.")
+    core = loaded("CoSimulationApplication")
     with _silence():
-        core = importlib.import_module("KratosMultiphysics")
-        package = "KratosMultiphysics.CoSimulationApplication"
-        importlib.import_module(package)
-        module = importlib.import_module(f"{package}.convergence_accelerators.{kind}")
-    core.Logger.GetDefaultOutput().SetSeverity(core.Logger.Severity.WARNING)
+        module = importlib.import_module(f"KratosMultiphysics.CoSimulationApplication.convergence_accelerators.{kind}")
     return lambda settings: module.Create(core.Parameters(json.dumps({"type": kind, **settings})))
 
 

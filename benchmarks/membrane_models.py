@@ -6,6 +6,8 @@ from structural import Assembly, FaceLoad, Faces, Loads, Structure, equilibrium
 from structural.elements.membranes import Membranes, flat_patterns
 from structural.materials.membranes import isotropic_membrane
 
+AIRBAG_FABRIC = 588e6, 0.6e-3, 0.4  # modulus Pa, thickness m, Poisson's ratio (ram-air thesis, table 3.2)
+
 
 def rectangle(cells, sides, crossed=False):
     """Nodes (n,3) and triangles (e,3) of a rectangle with (nx, ny) cells, cut in two, or in four through their
@@ -74,7 +76,7 @@ def inflated(nodes, fixed, group, pressure, others=(), start=None, **how):
     return equilibrium(assembly, loads, nodes if start is None else start, **how), assembly, loads
 
 
-def airbag(n, half=0.422, stiffness=588e6 * 0.6e-3, nu=0.4, wrinkles=True):
+def airbag(n, half=0.422, stiffness=AIRBAG_FABRIC[0] * AIRBAG_FABRIC[1], nu=AIRBAG_FABRIC[2], wrinkles=True):
     """An eighth of the square airbag (ram-air thesis 3.5.1), n x n squares cut in four: nodes, fixed, membranes.
 
     Node 0 is the centre M; x = 0 and y = 0 are planes of symmetry, and so is z = 0, in which the outer edges stay.

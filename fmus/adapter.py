@@ -267,6 +267,17 @@ class CoreFmu(ValueSlave):
             self._logged(f"The state cannot be serialised: {error}", Fmi2Status.error)
             return self._fmu_state_to_bytes(state)
 
+    def deserialize(self, content: bytes) -> Any:
+        """The state of bytes, as the binary of this project asks for it; None, and a message, where they are no state
+        that this FMU could be restored to.
+        """
+        state = self._fmu_state_from_bytes(content)
+        if isinstance(state, tuple) and len(state) == 6 and state[0] == self._layout:
+            return state
+        other = "The state belongs to an FMU with other variables."
+        self._logged(state if isinstance(state, str) else other, Fmi2Status.error)
+        return None
+
     @staticmethod
     def _fmu_state_to_bytes(state: Any, strict: bool = False) -> bytes:
         """As PythonFMU's binary asks for them: it can hear of no failure, which the bytes tell whoever restores them,

@@ -272,6 +272,13 @@ def _description(instance: CoreFmu, guid: str, fmi: int) -> bytes:
     return xml_file(instance.to_xml() if fmi == 2 else array_description(instance, guid))
 
 
+def guid(path: Path) -> str:
+    """The guid of an FMU that was built here."""
+    with zipfile.ZipFile(path) as file:
+        found = re.search(rb'(?:guid|instantiationToken)="([^"]*)"', file.read("modelDescription.xml"))
+    return found[1].decode() if found else ""
+
+
 def zipped(files: Mapping[str, bytes]) -> bytes:
     """A zip archive of `files` (path -> content) in their order: the same bytes whenever and wherever it is made."""
     buffer = io.BytesIO()
@@ -291,6 +298,8 @@ def written(path: Path, content: bytes) -> Path:
     try:
         part.write_bytes(content)
         os.replace(part, path)
+    except OSError as error:  # of a full disk it does not say where
+        raise type(error)(error.errno, error.strerror or str(error), str(path)) from error
     finally:
         part.unlink(missing_ok=True)
     return path

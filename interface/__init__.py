@@ -1,4 +1,5 @@
-"""What all rooms agree on: vectors and the geometry of interface panels, named blocks of values, one kind of failure.
+"""What all rooms agree on: vectors and the geometry of interface panels, named blocks of values, one kind of failure,
+what may be read and how things may be called.
 
 A leaf: it imports nothing of the project, so that structure and flow need not know each other to mean the same panel.
 """
@@ -6,6 +7,7 @@ A leaf: it imports nothing of the project, so that structure and flow need not k
 import time
 
 from .failures import StepFailed
+from .files import irregular, misnamed, unprintable
 from .mesh import SurfaceMesh
 from .mirror import MIRROR, UprightPlane, mirror_permutation, mirror_rows
 from .panels import area_vectors, corner_shares
@@ -26,9 +28,12 @@ __all__ = [
     "area_vectors",
     "corner_shares",
     "cross",
+    "irregular",
     "mirror_permutation",
     "mirror_rows",
+    "misnamed",
     "rotation",
     "spin",
     "turned",
+    "unprintable",
 ]

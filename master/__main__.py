@@ -1,5 +1,15 @@
-"""`python -m master` is `kitecosim`."""
+"""`python -m master` is `kitecosim`; an interrupt (Ctrl-C) while it loads ends it as one later does."""
 
-from master.cli import main
 
-main()
+def main() -> None:
+    """Entry point of the `kitecosim` script."""
+    try:
+        from master.cli import main as command
+    except KeyboardInterrupt:
+        exec("")  # as in master.cli
+        raise SystemExit(130) from None
+    command()
+
+
+if __name__ == "__main__":
+    main()

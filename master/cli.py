@@ -1,6 +1,7 @@
 """Command line: `kitecosim`; what its commands do is in commands.py, transient.py, studies and fmu_coupling."""
 
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -23,6 +24,10 @@ ToleranceOption = Annotated[float, typer.Option(help="Interface residual ||x~ - 
 ForceToleranceOption = Annotated[float, typer.Option(help="Out-of-balance force in N that counts as converged.")]
 CheckpointOption = Annotated[
     Path | None, typer.Option(help="Checkpoint file to write, from which an interrupted run continues with --restart.")
+]
+ForceOption = Annotated[
+    bool,
+    typer.Option("--force", help="Replace files in the folder that are not known to be results of an earlier command."),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -89,6 +94,7 @@ def run(
         bool,
         typer.Option("--strict", help="Exit code 1 too where the result is outside of what its models are good for."),
     ] = False,
+    force: ForceOption = False,
     live: Annotated[bool, typer.Option("--live", help="Plot the residual in the terminal while it runs.")] = False,
 ) -> None:
     """Couple structure and flow of SCENE; print a table, write results and a report.
@@ -98,7 +104,8 @@ def run(
     The row `validity` says what lies beyond the limits of the models: line strain, load of tubes, stall, and more.
 
     Exit code: 0 converged, 1 not converged or statically unstable, or with --strict outside validity (results are still
-    written), 2 bad input, 130 interrupted (earlier results in the folder are gone then).
+    written), 2 bad input, 130 interrupted. Results are written beside the folder, as FOLDER.partial, and take the place
+    of earlier ones at the end, as a whole: what is refused, interrupted or killed takes nothing away.
     """
     from master.commands import run_scene
     from master.coupling.checkpoint import Files
@@ -126,6 +133,7 @@ def run(
             {"stop_time": stop_time, "step": step, "inputs": inputs},
             {name for name in choices if ctx.get_parameter_source(name).name != "DEFAULT"},  # type: ignore[union-attr]
             strict,
+            force,
         )
     )
 
@@ -146,11 +154,12 @@ def build(
     fmi: Annotated[
         int, typer.Option(help="Version of FMI, 2 or 3; with 3 variables are whole arrays, and fewer tools take them.")
     ] = 2,
+    force: ForceOption = False,
 ) -> None:
     """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
     from master.commands import build_scene
 
-    _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi))
+    _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi, force))
 
 
 @app.command(short_help="Compare coupling schemes on one or more scenes.")
@@ -211,6 +220,7 @@ def compare(
     recompute: Annotated[
         bool, typer.Option("--recompute", help="Solve cells again that are finished in the folder.")
     ] = False,
+    force: ForceOption = False,
     fresh: Annotated[bool, typer.Option("--fresh", hidden=True)] = False,  # its name in releases up to 0.1
 ) -> None:
     """Solve every SCENE with every scheme; print tables, write them with plots and a page.
@@ -233,6 +243,7 @@ def compare(
         "repeat": repeat,
         "jobs": jobs,
         "recompute": recompute or fresh,
+        "force": force,
     }
     _finish(
         lambda: compare_scenes(
@@ -281,6 +292,7 @@ def polar(
     ] = True,
     report: Annotated[bool, typer.Option(help="Write plots too.")] = True,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/polar/SCENE.")] = None,
+    force: ForceOption = False,
 ) -> None:
     """Turn the wind about the rigid wing of SCENE; print a table, write it with loads, outputs and plots.
 
@@ -294,7 +306,7 @@ def polar(
 
     _finish(
         lambda: polar_scene(
-            scene, alpha, beta, _assignments(set_), out, about, shape, derivatives, derivatives_at, warm, report
+            scene, alpha, beta, _assignments(set_), out, about, shape, derivatives, derivatives_at, warm, report, force
         )
     )
 
@@ -322,6 +334,7 @@ def couple(
         Path | None,
         typer.Option(help="Continue from this checkpoint (of your own); scheme, tolerances, step, stop may be others."),
     ] = None,
+    force: ForceOption = False,
 ) -> None:
     """Couple two or more FMI 2.0 co-simulation FMUs, of whatever maker, as FILE says; print a table, write results.
 
@@ -331,7 +344,7 @@ def couple(
     from master.coupling.checkpoint import Files
     from master.fmu_coupling.command import couple_file
 
-    _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart)))
+    _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart), force))
 
 
 @app.command("host-env", short_help="Print the environment in which C and C++ hosts run the FMUs.")
@@ -373,23 +386,63 @@ def _finish(command: Any) -> None:
     except BrokenPipeError:  # who reads has heard enough, as `head` does; nothing more can be said there
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(141) from None  # as a shell calls it: 128 and SIGPIPE
-    except (ValueError, OSError) as error:
-        typer.echo(f"kitecosim: {error}", err=True)
+    except OSError as error:
+        _say(f"{_told(error)}{_noted(error)}")
         raise typer.Exit(2) from None
-    except KeyboardInterrupt:
-        typer.echo("kitecosim: interrupted; a run with --checkpoint continues with --restart.", err=True)
+    except ValueError as error:
+        _say(f"{error}{_noted(error)}")
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt as error:
+        _say(f"interrupted; a run with --checkpoint continues with --restart.{_noted(error)}")
         raise typer.Exit(130) from None
     except (RuntimeError, ArithmeticError) as error:  # an FMU that ended with fmi2Fatal, a solver that gave up
         from interface import StepFailed
 
         if isinstance(error, ArithmeticError) and not isinstance(error, StepFailed):
             raise
-        typer.echo(f"kitecosim: {error}", err=True)
+        _say(f"{error}{_noted(error)}")
         raise typer.Exit(1) from None
     if code:
         raise typer.Exit(code)
 
 
+def _say(sentence: str) -> None:
+    """A sentence on standard error, whose control characters are written out: names of files may have some."""
+    from interface import unprintable
+
+    shown = "".join(repr(c)[1:-1] if c != "\n" and unprintable(c) else c for c in sentence)
+    typer.echo(f"kitecosim: {shown}", err=True)
+
+
+def _told(error: OSError) -> str:
+    """What failed at which file, in one sentence."""
+    reason = (error.strerror or str(error)).lower()
+    where = error.filename if error.filename is not None else "a file"
+    return f"{os.fsdecode(where)} cannot be read or written ({reason}); mend that and run it again."
+
+
+def _noted(error: BaseException) -> str:
+    """What is to be said besides."""
+    return "".join(f" {note[:1].upper()}{note[1:]}." for note in getattr(error, "__notes__", ()))
+
+
 def main() -> None:
-    """Entry point of the `kitecosim` script."""
-    app(prog_name="kitecosim")
+    """The command line; exit code 130 whenever there was an interrupt (Ctrl-C), wherever that has been caught."""
+    came: list[int] = []
+
+    def interrupt(number: int, frame: Any) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        app(prog_name="kitecosim")
+    except (SystemExit, KeyboardInterrupt) as end:
+        exec("")  # else Python, had the interrupt come within an exec or eval, would end by the signal all the same
+        if came or isinstance(end, KeyboardInterrupt):
+            raise SystemExit(130) from None
+        raise
+    finally:
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            signal.signal(signal.SIGINT, lambda *_: os._exit(130))  # nothing is left to clean up

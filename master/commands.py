@@ -3,7 +3,6 @@
 import contextlib
 import shlex
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
@@ -12,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from master import restart
+from master.coupling import checkpoint
 from master.coupling.checkpoint import NO_FILES, Files
 from master.coupling.convergence import required_count, required_number
 from master.coupling.equilibrium import Coupling, require_structure
 from master.coupling.exchange import ORDERS
 from master.coupling.participants import FmuParticipant, InProcessParticipant, Participant
+from master.coupling.participants.private_folder import PrivateFolder
 from master.coupling.participants.zero_loads import ZeroLoads
 from master.coupling.rigid import rigid_run
 from master.coupling.run import Run, coupled_run
@@ -25,6 +26,7 @@ from master.coupling.start import with_start
 from master.report import (
     LABELS,
     RESULTS,
+    TABLES,
     membrane_results,
     missing_libraries,
     print_table,
@@ -39,8 +41,8 @@ from master.report import (
 )
 from master.report.console import EXIT_CONVERGED, EXIT_NOT_CONVERGED
 from master.report.live import progress
-from master.report.record import clear_leftovers
-from master.restart import Job
+from master.report.results_folder import ResultsFolder
+from master.restart import Job, fmu_names
 
 BACKENDS = ("fmu", "in-process")
 # What a run without a structure has no use for.
@@ -62,12 +64,13 @@ def run_scene(
     motion: dict[str, Any] | None = None,
     chosen: Collection[str] | None = None,
     strict: bool = False,
+    force: bool = False,
 ) -> int:
     """Run a scene, print its table, write its files; the exit code.
 
     `motion` are stop_time s, step s and the path inputs for a transient scene, None what it says itself. `chosen` are
     the names of the `choices` that a restart does not take from its checkpoint, None: all. `strict`: a result outside
-    of what its models are known to be good for counts as not converged.
+    of what its models are known to be good for counts as not converged. `force`: files of others in `out` are replaced.
     """
     import scenes
 
@@ -76,13 +79,16 @@ def run_scene(
     built, kept = assigned, list[str]()
     if files.restart is not None:
         asked = restart.Asked(choices, choices.keys() if chosen is None else chosen, motion, assigned)
-        choices, built, kept = asked.remembered(files.restart, scenes.name_of(name))
+        with checkpoint.damaged(files.restart):
+            choices, built, kept = asked.remembered(files.restart, scenes.name_of(name))
+            _checked(choices)
     _checked(choices)
     scene, given, cores = prepared(name, built)
     if files.restart is None:
         scene, cores, _ = at_rest(scene, given, cores)  # a run that finds no start says so by itself
     if files.restart is not None:
-        motion, more = asked.remembered_motion(files.restart, scene)
+        with checkpoint.damaged(files.restart):
+            motion, more = asked.remembered_motion(files.restart, scene)
         kept += more
     if motion and not scene.transient:
         option = {"stop_time": "--stop-time", "step": "--step", "inputs": "--inputs"}[next(iter(motion))]
@@ -91,9 +97,9 @@ def run_scene(
         _require_nothing_coupled(scene, () if chosen is None else chosen, files, live)
         choices = {name: value for name, value in choices.items() if name not in OF_COUPLING}
     out = out or Path("results") / scene.name
-    results_folder(out)
-    with tempfile.TemporaryDirectory(prefix="kitecosim_") as built_in:
-        job = Job(scene, given, choices, out, Path(built_in), files, assigned, kept, strict)
+    names = [*_written(scene, choices["report"]), *fmu_names(scene.name)]
+    with PrivateFolder() as built_in, ResultsFolder(out, names, force=force) as results:
+        job = Job(scene, given, choices, results, built_in, files, assigned, kept, strict)
         if scene.transient:
             from master.transient import run_transient
 
@@ -117,7 +123,6 @@ def _run_rigid(job: Job, cores: dict[str, Any]) -> int:
     begin = time.perf_counter()
     with opened(job.scene, job.choices["backend"], job.given, job.built_in, cores) as sides:
         ready = time.perf_counter()
-        job.clear(RESULTS)
         run = rigid_run(sides["aero"], job.scene.remarks)
     _write(job, run, ready - begin, cores)
     return _exit_code(job, run)
@@ -126,6 +131,15 @@ def _run_rigid(job: Job, cores: dict[str, Any]) -> int:
 def _exit_code(job: Job, run: Run) -> int:
     good = run.status == "converged" and (not job.strict or all(j.within for j in run.validity))
     return EXIT_CONVERGED if good else EXIT_NOT_CONVERGED
+
+
+def _written(scene: Any, report: bool) -> tuple[str, ...]:
+    """The files that a run of a scene may write, with a report or without."""
+    if scene.transient:
+        from master.report.transient import PLOTS
+
+        return (*RESULTS, *PLOTS) if report else TABLES
+    return RESULTS if report else TABLES
 
 
 def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
@@ -144,7 +158,7 @@ def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
         if files.restart is not None:
             options["search"], remarks = restart.resumed(files.restart, coupling, used, job.about, job.assigned)
             remarks += job.remembered
-        job.clear(RESULTS)
+        files.begin()
         writer = restart.CheckpointWriter(files.checkpoint, files.every, coupling, used, job.about)
         run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=writer, **options)
         if run.status in ("converged", "statically_unstable"):
@@ -190,11 +204,12 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
         *write_state(out, blocks, labels, scene.interface, scene.members.wing, scene.members),
     ]
     write_json(out / "summary.json", content)
-    print_table(scene, run, content)
     lacking = missing_libraries() if choices["report"] else ""
     if choices["report"] and not lacking:
         written += write_report(out, scene, run, content, cores)
-    print_written(out, written, lacking)
+    job.place()
+    print_table(scene, run, content)
+    print_written(job.results.named, written, lacking)
 
 
 def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
@@ -209,20 +224,6 @@ def _hints(scene: Any, given: dict[str, Any], run: Any) -> list[str]:
         more = f" and {len(misfits) - 6} more" if len(misfits) > 6 else ""
         out.append(f"off their rest length in the design shape by more than 5 %: {', '.join(misfits[:6])}{more}")
     return out
-
-
-def results_folder(out: Path) -> None:
-    """Make the folder for results; ValueError in one sentence if that cannot be."""
-    if (out / "scene.toml").exists():
-        raise ValueError(f"--out {out} is a scene folder, whose tables would be overwritten; name another folder.")
-    foreign = [n for n in RESULTS if (out / n).is_dir()]
-    if foreign:
-        raise ValueError(f"--out {out} has a folder where {foreign[0]} should go; name another folder.")
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ValueError(f"--out {out} cannot be made a folder ({reason}); name another one.") from None
 
 
 def list_scenes(name: str | None = None) -> int:
@@ -253,7 +254,9 @@ def list_scenes(name: str | None = None) -> int:
     return 0
 
 
-def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = False, fmi: int = 2) -> int:
+def build_scene(
+    name: str, assigned: dict[str, str], out: Path, ssp: bool = False, fmi: int = 2, force: bool = False
+) -> int:
     """Build the FMUs of a scene, one for each side that it has, and its SSP if wanted; the exit code."""
     from fmus.builder import build, own_binary
     from fmus.ssp import package
@@ -262,23 +265,24 @@ def build_scene(name: str, assigned: dict[str, str], out: Path, ssp: bool = Fals
         raise ValueError("--ssp connects FMUs of FMI 2; leave --fmi out.")
     scene, given, cores = prepared(name, assigned)
     scene, cores, lacking = at_rest(scene, given, cores)
-    results_folder(out)
     mark = "_fmi3" if fmi == 3 else ""
     names = [f"{scene.name}{end}" for end in (f"_structural{mark}.fmu", f"_aero{mark}.fmu", *([".ssp"] if ssp else []))]
-    if folders := [n for n in names if (out / n).is_dir()]:
-        raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
     try:
-        clear_leftovers(out, names)
-        paths = build(scene, out, given, fmi=fmi, cores=cores)
-        for path in (*paths, package(scene.name, paths, out)) if ssp else paths:
-            print(path)
-        if own_binary() is None:
-            print(OTHER_BINARY, file=sys.stderr)
-        if lacking:
-            print(f"kitecosim: note: {lacking}; the FMUs start in the shape of the tables.", file=sys.stderr)
+        with ResultsFolder(out, names, "build", force, keep=True) as results:
+            paths = build(scene, results.path, given, fmi=fmi, cores=cores)
+            if ssp:
+                package(scene.name, paths, results.path)
+            placed = set(results.place())
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise ValueError(f"--out {out} cannot be written to ({reason}); name another one.") from None
+    for name in names:
+        if name in placed:
+            print(out / name)
+    if own_binary() is None:
+        print(OTHER_BINARY, file=sys.stderr)
+    if lacking:
+        print(f"kitecosim: note: {lacking}; the FMUs start in the shape of the tables.", file=sys.stderr)
     return 0
 
 
@@ -392,11 +396,14 @@ def opened(
     """
     with contextlib.ExitStack() as stack:
         if backend == "fmu":
-            from fmus.builder import build
+            from fmus.builder import build, guid
 
             paths = build(scene, out / "fmus", parameters, reference=False, cores=cores)
+            guids = [guid(path) for path in paths]
             fmus = [stack.enter_context(FmuParticipant(path)) for path in paths]
             of_sides = cores or scene.cores()
+            for fmu, path, built in zip(fmus, paths, guids, strict=True):
+                _require_own(fmu, path, built, parameters)
             for fmu, core in zip(fmus, of_sides.values(), strict=True):
                 fmu.criteria = core.criteria  # an FMU has their outputs, and their limits in words only
             yield dict(zip(of_sides, fmus, strict=True))
@@ -405,6 +412,15 @@ def opened(
                 side: InProcessParticipant(core, {k: v for k, v in parameters.items() if k in core.names})
                 for side, core in (cores or scene.cores()).items()
             }
+
+
+def _require_own(fmu: FmuParticipant, path: Path, guid: str, parameters: Mapping[str, Any]) -> None:
+    """RuntimeError in one sentence where an FMU is not the one that was built, with these parameters."""
+    given = {name: value for name, value in parameters.items() if fmu.causality.get(name) == "parameter"}
+    wrong = [name for name, value in given.items() if not np.array_equal(fmu.get(name), np.asarray(value, float))]
+    if fmu.guid != guid or wrong:
+        what = f"has {wrong[0]} = {fmu.get(wrong[0])}" if wrong else f"has the guid {fmu.guid}"
+        raise RuntimeError(f"{path} is not the FMU that was built for this run: it {what}; run it again.")
 
 
 @contextlib.contextmanager

@@ -18,26 +18,36 @@ from master.coupling.exchange import Exchange, StateSnapshot
 from master.coupling.march import March
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.steady import Search
-from master.report.record import clear_leftovers
+from master.report.results_folder import ResultsFolder
 from master.report.tables import write_whole
+
+
+def fmu_names(scene: str) -> list[str]:
+    """The FMUs that a run of a scene of this name may leave beside its results."""
+    return [f"fmus/{scene}_{side}.fmu" for side in ("structural", "aero")]
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder `out`, one
-    that FMUs are `built_in` until all input is known to be good, the checkpoints, the texts `assigned` on the command
-    line, what a restart has `kept` besides, and whether it is `strict`: a result outside validity is no good one.
+    """A run that is asked for: the `scene`, `given` parameters, `choices` of the command line, the folder for its
+    `results`, one that FMUs are `built_in`, the checkpoints, the texts `assigned` on the command line, what a restart
+    has `kept` besides, and whether it is `strict`: a result outside validity is no good one.
     """
 
     scene: Any
     given: dict[str, Any]
     choices: dict[str, Any]
-    out: Path
+    results: ResultsFolder
     built_in: Path
     files: Files = NO_FILES
     assigned: dict[str, str] = field(default_factory=dict)
     kept: list[str] = field(default_factory=list)
     strict: bool = False
+
+    @property
+    def out(self) -> Path:
+        """Where files are written until `place`."""
+        return self.results.path
 
     @property
     def about(self) -> dict[str, Any]:
@@ -46,23 +56,14 @@ class Job:
         scene["scene_files"] = files_digest(self.scene.folder, self.scene.files)
         return {**scene, "parameters": _plain(self.given), **self.choices}
 
-    def clear(self, names: Collection[str]) -> None:
-        """Remove files of these names, and let the FMUs be those of this run: what stands in the folder is never of an
-        earlier run, and neither is the checkpoint. Called when all input is known to be good.
-        """
-        built, folder = sorted(self.built_in.glob("fmus/*.fmu")), self.out / "fmus"
+    def place(self) -> None:
+        """Put what was written, with the FMUs of the run, into the folder of the results."""
+        built = sorted(self.built_in.glob("fmus/*.fmu"))
         if built:
-            folder.mkdir(exist_ok=True)
-        clear_leftovers(folder, [f"{self.scene.name}_{side}.fmu" for side in ("structural", "aero")])
+            (self.out / "fmus").mkdir(exist_ok=True)
         for path in built:
-            write_whole(folder / path.name, path.read_bytes())
-        for side in ("structural", "aero"):
-            if f"{self.scene.name}_{side}.fmu" not in [path.name for path in built]:
-                (folder / f"{self.scene.name}_{side}.fmu").unlink(missing_ok=True)
-        self.files.begin()
-        clear_leftovers(self.out, list(names))
-        for name in names:
-            (self.out / name).unlink(missing_ok=True)
+            write_whole(self.out / "fmus" / path.name, path.read_bytes())
+        self.results.place()
 
     @property
     def remembered(self) -> list[str]:
@@ -279,6 +280,11 @@ def _give(exchange: Exchange, now: Mapping[str, Any], names: list[str]) -> None:
                 participant.set(name, now["parameters"][name])
 
 
+def _said(path: Path, error: ValueError) -> ValueError:
+    """The error with the path of the checkpoint in its sentence."""
+    return error if str(path) in str(error) else ValueError(f"{path}: {error}")
+
+
 def resumed_march(
     path: Path, exchange: Exchange, scheme: Scheme | None, about: Mapping[str, Any], chosen: Mapping[str, Any]
 ) -> tuple[March, str]:
@@ -291,10 +297,11 @@ def resumed_march(
     now = json.loads(json.dumps(dict(about), default=str))
     given = _changed(path, was, now, chosen, exchange)
     try:
-        begun = checkpoint.load_march(exchange, content, scheme)
-        begun.require_fields(exchange, about["order"])
+        with checkpoint.damaged(path):
+            begun = checkpoint.load_march(exchange, content, scheme)
+            begun.require_fields(exchange, about["order"])
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise _said(path, error) from error
     _give(exchange, now, given)
     changed = _others(was, now, ("scene_files", "scheme", "relaxation", "tolerance", "communication_step", "inputs"))
     remark = f"restarted from {path.name} at {was['time']:g} s"
@@ -319,9 +326,10 @@ def resumed(
     now = json.loads(json.dumps(dict(about), default=str))
     given = _changed(path, was, now, chosen, coupling)
     try:
-        search = checkpoint.load_search(coupling, content)
+        with checkpoint.damaged(path):
+            search = checkpoint.load_search(coupling, content)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
+        raise _said(path, error) from error
     adopted = was.get("order") == about["order"] and adopt(scheme, content["scheme"])  # else the unknowns are others
     changed = _others(was, now, [k for k in now if k not in (*HARMLESS, "parameters")])
     remark = f"restarted from {path.name} after {was['coupling_iterations']} coupling iterations"

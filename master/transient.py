@@ -20,7 +20,7 @@ from master.coupling.schemes import SCHEMES
 from master.coupling.simulation import PARAMETERS, Inputs, Simulation, simulate
 from master.report import missing_libraries, print_written, versions, write_json, write_state
 from master.report.console import print_rows
-from master.report.transient import NO_PLOTS, RESULTS, Recorder, nothing_on, result_rows, summary, write_plots
+from master.report.transient import NO_PLOTS, Recorder, nothing_on, result_rows, summary, write_plots
 from master.report.validity import validity_row
 from master.restart import Job, StepCheckpointWriter, inputs_file, resumed_march
 
@@ -60,7 +60,7 @@ def run_transient(
             def follow(at: float, run: Simulation) -> None:
                 if recorder.fresh:
                     run.peaks.restore(before)
-                    job.clear(RESULTS)
+                    job.files.begin()
                 kept["validity"] = run.peaks.record()
                 recorder(at, run)
                 shown(at, run)
@@ -137,6 +137,10 @@ def _write(
     """Print the table of a run and write its files but history.csv, which is there."""
     scene, out = job.scene, job.out
     merged = {**blocks["structural"], **blocks.get("aero", {})}
+    if not run.finished and "displacement" in blocks["structural"]:  # the flow may have seen another iterate
+        merged["displacement"] = blocks["structural"]["displacement"]
+        last = f"the last coupling iteration of step {len(run.steps)}" if len(run.steps) else "the start"
+        remarks = [*remarks, f"not finished: the tables are of one shape of the structure, that of {last}"]
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
     merged = nothing_on(scene.interface) | merged
     written = ["summary.json", "history.csv"]
@@ -150,12 +154,13 @@ def _write(
             written += write_plots(out, scene, run, blocks, recorder, job.choices.get("labels"))
         else:
             lacking = NO_PLOTS
+    job.place()
     notes = [f"note: {remark}" for remark in remarks]
     notes += [f"note: step {number}: {sentence}" for number, sentence in list(run.steps.messages)[-3:]]
     if not run.finished:
         notes.append(f"{run.status}: {run.message}")
     print_rows(f"{scene.title}: {run.status}", [*result_rows(content), validity_row(run.validity)], notes)
-    print_written(out, written, lacking)
+    print_written(job.results.named, written, lacking)
 
 
 def _require(choices: dict[str, Any], live: bool) -> None:

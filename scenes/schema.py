@@ -14,6 +14,7 @@ from interface.line_drag import FRICTION, NORMAL_DRAG
 BODIES = ("wing", "box-wing", "mesh-file")
 PROFILE_SPACINGS = ("cosine", "geometric", "uniform")
 SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled", "body")
+LARGEST = 1e100  # of a number in a scene, whose squares and cubes are numbers too; so are those of 1 / LARGEST
 INTEGRATION = ("implicit-euler", "generalised-alpha", "bdf2")
 
 
@@ -49,6 +50,8 @@ class Number:
             number = float(value)
         except OverflowError:
             raise Wrong(self.meaning) from None
+        if math.isfinite(number) and abs(number) > LARGEST:
+            raise Wrong(f"{self.meaning}, of at most {LARGEST:g}")
         if not math.isfinite(number) or not self.low <= number <= self.high or number <= self.above:
             raise Wrong(self.meaning)
         return number

@@ -11,7 +11,9 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <pthread.h>
+#include <signal.h>
 #include <spawn.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -19,10 +21,13 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 #include <wchar.h>
 
 #define PYTHON_VARIABLE "KITECOSIM_PYTHON" /* names the interpreter to use */
+#define LIMIT_VARIABLE "KITECOSIM_PYTHON_SECONDS" /* how long it may take to answer */
+#define LIMIT 60.0                         /* s, for a first start from a slow disk */
 #define RESPONSE_SIZE 65536                /* bytes, more than the longest response: a search path */
 
 extern char **environ;
@@ -54,12 +59,57 @@ static void write_message(char *text, size_t size, const char *format, ...)
     va_end(arguments);
 }
 
-/* Runs `python -c QUERY`; its output, without the last end of line, is the `response`. Returns 0 if it cannot be run. */
+static double seconds_now(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static double time_limit(void)
+{
+    const char *const given = getenv(LIMIT_VARIABLE);
+    const double limit = given != NULL ? strtod(given, NULL) : 0.0;
+    return limit > 0.0 && limit < 1e6 ? limit : LIMIT;
+}
+
+/* Whether there is something to read before the time is up. */
+static int is_readable(int file, double end)
+{
+    struct pollfd waited = {file, POLLIN, 0};
+    for (;;) {
+        const double left = end - seconds_now();
+        const int found = left > 0.0 ? poll(&waited, 1, (int)(1e3 * left) + 1) : 0;
+        if (found >= 0 || errno != EINTR)
+            return found > 0;
+    }
+}
+
+/* Waits for the end of a child, which is killed when the time is up. Returns whether it ended by itself. */
+static int has_ended(pid_t child, double end)
+{
+    const struct timespec pause = {0, 10000000}; /* 10 ms */
+    pid_t found;
+    while ((found = waitpid(child, NULL, WNOHANG)) == 0 || (found < 0 && errno == EINTR)) {
+        if (seconds_now() > end) {
+            kill(child, SIGKILL);
+            while (waitpid(child, NULL, 0) < 0 && errno == EINTR)
+                ;
+            return 0;
+        }
+        nanosleep(&pause, NULL);
+    }
+    return 1; /* its status is of no use: an importer that ignores SIGCHLD gets none */
+}
+
+/* Runs `python -c QUERY`; its output, without the last end of line, is the `response`. Returns 0 if it cannot be run, and
+   -1 if the time is up before it ends. */
 static int query_interpreter(const char *python, char *response)
 {
     char *const arguments[] = {(char *)python, "-c", (char *)QUERY, NULL};
     posix_spawn_file_actions_t actions;
-    int ends[2], status = -1;
+    int ends[2];
+    const double end = seconds_now() + time_limit();
     size_t length = 0;
     ssize_t count;
     pid_t child;
@@ -73,18 +123,18 @@ static int query_interpreter(const char *python, char *response)
     const int spawned = posix_spawnp(&child, python, &actions, NULL, arguments, environ);
     posix_spawn_file_actions_destroy(&actions);
     close(ends[1]);
-    while (spawned == 0 && length < RESPONSE_SIZE - 1 &&
+    while (spawned == 0 && length < RESPONSE_SIZE - 1 && is_readable(ends[0], end) &&
            ((count = read(ends[0], response + length, RESPONSE_SIZE - 1 - length)) > 0 || (count < 0 && errno == EINTR)))
         length += count > 0 ? (size_t)count : 0;
     close(ends[0]);
     if (spawned != 0)
         return 0;
-    while (waitpid(child, &status, 0) < 0 && errno == EINTR)
-        ;
+    if (!has_ended(child, end))
+        return -1;
     while (length > 0 && (response[length - 1] == '\n' || response[length - 1] == '\r'))
         --length;
     response[length] = '\0';
-    return length > 0; /* the status is of no use: an importer that ignores SIGCHLD gets none */
+    return length > 0;
 }
 
 /* Opens the library, or takes the one that the process has where it is NULL, and starts the interpreter as that program,
@@ -165,7 +215,11 @@ static int start_first_usable(const char *const *candidates, char *reason, size_
     write_message(reason, size, "No Python was found for the FMU:");
     for (; !done && !failed && *candidates != NULL; ++candidates) {
         const size_t length = strlen(reason);
-        if (!query_interpreter(*candidates, response)) {
+        const int answered = query_interpreter(*candidates, response);
+        if (answered < 0) {
+            write_message(reason + length, size - length, " %s gives no answer within %g s (%s);", *candidates,
+                          time_limit(), LIMIT_VARIABLE);
+        } else if (answered == 0) {
             const char *const home = getenv("PYTHONHOME"); /* that of another Python keeps this one from starting */
             write_message(reason + length, size - length, " %s cannot be run%s%s;", *candidates,
                           home != NULL ? " with PYTHONHOME=" : "", home != NULL ? home : "");

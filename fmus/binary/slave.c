@@ -8,6 +8,7 @@
 #include "slave.h"
 
 #include <dlfcn.h>
+#include <limits.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <string.h>
@@ -256,9 +257,20 @@ int slave_setup_experiment(Slave *slave, double start)
 
 /* Values */
 
+/* Whether so many items make a memory that Python can view; an importer may give any count. */
+static int is_viewable(Slave *slave, size_t count, size_t item)
+{
+    if (item == 0 || count <= LONG_MAX / item)
+        return 1;
+    report_error(slave, "More values are asked for than there is memory.");
+    return 0;
+}
+
 static int transfer(Slave *slave, const char *method, Kind kind, const unsigned *references, size_t count, void *values,
                     size_t size, int as_arrays, int flag)
 {
+    if (!is_viewable(slave, count, sizeof *references) || !is_viewable(slave, size, VALUE_SIZES[kind]))
+        return 0;
     const int gil = py.acquire_gil();
     void *const value_references = py.memory_view((char *)references, (long)(count * sizeof *references), READ);
     void *const content = value_references != NULL ? py.memory_view(values, (long)(size * VALUE_SIZES[kind]), flag) : NULL;
@@ -311,12 +323,14 @@ int slave_serialize(Slave *slave, void *state, void **bytes)
 
 int slave_deserialize(Slave *slave, const char *bytes, size_t size, void **state)
 {
+    if (!is_viewable(slave, size, 1))
+        return 0;
     const int gil = py.acquire_gil();
     void *const content = py.memory_view((char *)bytes, (long)size, READ);
-    void *const result =
-        content != NULL ? py.call(slave->object, "_fmu_state_from_bytes", "(O)", content) : NULL;
+    void *const result = content != NULL ? py.call(slave->object, "deserialize", "(O)", content) : NULL;
+    const int is_state = result != NULL && py.is_true(result) == 1; /* else it has logged why there is none */
     py.decref(content);
-    return end_call(slave, result, state, gil);
+    return end_call(slave, result, is_state ? state : NULL, gil) && is_state;
 }
 
 void slave_release_object(void *object)

@@ -196,12 +196,18 @@ def icon(scene: Scene | None, side: str) -> bytes:
     strokes: list[tuple[np.ndarray, float]] = []
     bold = 1.7
     if scene is not None:
-        axes = np.array(VIEWS[1 if scene.members.membranes is None else 0][1:])
-        edge = scene.interface.nodes[scene.interface.sections[:, 0]] @ axes.T
+        places = scene.interface.nodes[scene.interface.sections[:, 0]]
+        ends = _lines(scene) if scene.has_structure else np.zeros((0, 2, 3))
+        views = [VIEWS[1 if scene.members.membranes is None else 0], *VIEWS]
+        drawn = scene.interface.nodes if scene.body is not None else np.concatenate([places, ends.reshape(-1, 3)])
+        spread = [np.ptp(drawn @ np.array(v[1:]).T, axis=0).max() for v in views]
+        first = int(np.argmax(np.array(spread) > 1e-6 * max(spread)))  # none that looks along a single line
+        axes = np.array(views[first][1:])
+        edge = places @ axes.T
         if scene.body is not None:
             lines = _outline(scene, axes) @ axes.T
         elif side == "structural" or not len(edge):
-            lines = _lines(scene) @ axes.T
+            lines = ends @ axes.T
         else:
             along = np.linspace(0.0, len(edge) - 1.0, 7)
             feet = np.stack([np.interp(along, np.arange(len(edge)), values) for values in edge.T], axis=-1)

@@ -1,28 +1,32 @@
 """Checkpoint and restart: the state of a coupled run in one file, so that it can continue as if it had never stopped.
 
-The file has a line that says what it is, a line of JSON for people, and pickled content, checked by its SHA-256.
-Pickles can run code when they are read: read only files of your own.
+The file has a line that says what it is, a line of JSON for people, and the content as npz with JSON in it
+(`interface.records`), checked by its SHA-256. Nothing of it is run.
 """
 
 import contextlib
 import hashlib
 import json
 import os
-import pickle
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from interface import StepFailed
+import numpy as np
+
+from interface import StepFailed, irregular
 from master.coupling.acceleration import Scheme
 from master.coupling.acceleration.scheme import adopt
 from master.coupling.convergence import required_count
 from master.coupling.exchange import Exchange, StateSnapshot
+from master.coupling.kept import damage, dumps, loads
 from master.coupling.march import March
 from master.coupling.steady import Search
 
-MAGIC = b"kitecosim checkpoint 3\n"
+NUMBERS = ("time", "steps", "coupling_iterations", "stop_time", "communication_step")  # of what it says of a run
+TABLES = ("scene_settings", "parameters", "models", "validity")
+MAGIC = b"kitecosim checkpoint 4\n"
 
 
 @dataclass(frozen=True)
@@ -40,8 +44,8 @@ class Files:
             if not isinstance(getattr(self, name), Path | None):
                 raise ValueError(f"{name} must be a pathlib.Path, not {getattr(self, name)!r}.")
         required_count("--checkpoint-every", self.every)
-        if self.checkpoint is not None and self.checkpoint.is_dir():
-            raise ValueError(f"--checkpoint {self.checkpoint} is a folder; name a file.")
+        if self.checkpoint is not None and (what := irregular(self.checkpoint)):
+            raise ValueError(f"--checkpoint {self.checkpoint} is {what}; name a file.")
         if self.checkpoint is not None and not self.checkpoint.parent.is_dir():
             raise ValueError(
                 f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
@@ -55,15 +59,24 @@ class Files:
                     part.write_bytes(b"")
             except OSError as error:
                 raise ValueError(_unwritable(self.checkpoint, error)) from None
+            for path in (self.checkpoint, _earlier(self.checkpoint)):
+                if os.path.lexists(path) and not _is_checkpoint(path):
+                    raise ValueError(f"--checkpoint {self.checkpoint}: {path} is there and no checkpoint; move it.")
 
     def begin(self) -> None:
-        """Remove the checkpoint of an earlier run, so that none is taken for one of the run that begins; that which it
-        continues from stays.
+        """Call the checkpoint of an earlier run NAME.earlier until there is one of the run that begins, so that none is
+        taken for its; that which it continues from stays.
         """
-        if self.checkpoint is not None and not (
-            self.restart is not None and self.checkpoint.exists() and self.checkpoint.samefile(self.restart)
-        ):
-            self.checkpoint.unlink(missing_ok=True)
+        if self.checkpoint is None or not self.checkpoint.exists():
+            return
+        if self.restart is None or not self.checkpoint.samefile(self.restart):
+            os.replace(self.checkpoint, _earlier(self.checkpoint))
+
+    def written(self) -> None:
+        """After a checkpoint was written: that of an earlier run is of no more use."""
+        if self.checkpoint is not None and _is_checkpoint(_earlier(self.checkpoint)):
+            with contextlib.suppress(OSError):
+                _earlier(self.checkpoint).unlink()
 
 
 NO_FILES = Files()
@@ -88,6 +101,7 @@ class Keeper:
             return
         try:
             write(path, about, content())
+            self._files.written()
         except Exception as error:  # whatever it is, results are worth more than a checkpoint
             if not self.remarks:
                 reason = f"{type(error).__name__}: {error}" if not isinstance(error, _TOLD) else str(error)
@@ -103,8 +117,8 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
     """
     path = Path(path)
     try:
-        data = pickle.dumps(dict(content), protocol=5)
-    except (pickle.PicklingError, TypeError, AttributeError) as error:
+        data = dumps(dict(content))
+    except TypeError as error:
         raise ValueError(f"checkpoint {path} cannot be written: {str(error).rstrip('.')}.") from error
     head = {**about, "sha256": hashlib.sha256(data).hexdigest()}
     try:
@@ -113,6 +127,20 @@ def write(path: str | Path, about: Mapping[str, Any], content: Mapping[str, Any]
             os.replace(part, path)
     except OSError as error:
         raise ValueError(_unwritable(path, error)) from None
+
+
+def _earlier(path: Path) -> Path:
+    """What the checkpoint of an earlier run is called meanwhile."""
+    return path.with_name(f"{path.name}.earlier")
+
+
+def _is_checkpoint(path: Path) -> bool:
+    """Whether a file is a checkpoint of some version, or empty."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC) - 2) in (b"", MAGIC[:-2])
+    except OSError:
+        return False
 
 
 def _unwritable(path: Path, error: OSError) -> str:
@@ -131,7 +159,7 @@ def _part(path: Path) -> Iterator[Path]:
 
 
 def head(path: str | Path) -> dict[str, Any]:
-    """What a checkpoint is about; ValueError in one sentence if it is not a sound one. Nothing is unpickled."""
+    """What a checkpoint is about; ValueError in one sentence if it is not a sound one."""
     about, _ = _parts(path)
     return about
 
@@ -139,14 +167,22 @@ def head(path: str | Path) -> dict[str, Any]:
 def read(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a checkpoint is about, and its content; ValueError in one sentence if it is not a sound one."""
     about, data = _parts(path)
-    try:
-        return about, pickle.loads(data)
-    except (ValueError, LookupError, TypeError, pickle.PickleError, AttributeError, ImportError, EOFError):
-        raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
+    with damaged(path):
+        content = loads(data)
+        if not isinstance(content, dict):
+            raise TypeError
+    return about, content
+
+
+def damaged(path: str | Path) -> contextlib.AbstractContextManager[None]:
+    """What is not as a checkpoint has it becomes a ValueError in one sentence."""
+    return damage(f"checkpoint {path} is damaged or of another version; begin without it.")
 
 
 def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
     """What a checkpoint is about, and its content as bytes that are whole."""
+    if (what := irregular(path)) and what != "a folder":
+        raise ValueError(f"checkpoint {path} cannot be read (it is {what}).")
     try:
         raw = Path(path).read_bytes()
     except OSError as error:
@@ -159,6 +195,10 @@ def _parts(path: str | Path) -> tuple[dict[str, Any], bytes]:
     try:
         about: dict[str, Any] = json.loads(line)
         if about.pop("sha256") != hashlib.sha256(data).hexdigest():
+            raise ValueError
+        if not all(isinstance(about.get(key, 0.0), int | float) for key in NUMBERS):
+            raise ValueError
+        if not all(isinstance(about.get(key, {}), dict) for key in TABLES):
             raise ValueError
     except (ValueError, LookupError, TypeError, AttributeError):
         raise ValueError(f"checkpoint {path} is damaged or of another version; begin without it.") from None
@@ -231,7 +271,10 @@ def load_search(coupling: Exchange, content: Mapping[str, Any]) -> Search:
     """Restore the participants of a coupled solve; what `solve` continues from."""
     if "search" not in content:
         raise ValueError("the checkpoint is not of a coupled equilibrium.")
-    search: Search = content["search"]
+    search = content["search"]
+    if not isinstance(search, Search):
+        raise ValueError("the checkpoint is not of a coupled equilibrium.")
+    _require_unknowns(search.x, coupling.present(search.order))
     load_participants(coupling, content["participants"])
     if content["best"] is not None:
         best = content["best"]["states"]
@@ -253,11 +296,19 @@ def load_march(exchange: Exchange, content: Mapping[str, Any], scheme: Scheme | 
     """
     if "march" not in content:
         raise ValueError("the checkpoint is not of a transient run.")
+    begun = content["march"]
+    if not isinstance(begun, March):
+        raise ValueError("the checkpoint is not of a transient run.")
     load_participants(exchange, content["participants"])
     if scheme is not None:
         adopt(scheme, content["scheme"])
-    begun: March = content["march"]
     return begun
+
+
+def _require_unknowns(x: np.ndarray, here: np.ndarray) -> None:
+    """ValueError in one sentence where the unknowns are not as many numbers."""
+    if np.shape(x) != here.shape or not np.all(np.isfinite(x)):
+        raise ValueError(f"the checkpoint has {np.size(x)} unknowns, and here are {here.size}; begin without it.")
 
 
 # Their names in releases up to 0.1

@@ -137,7 +137,7 @@ class CoupledResult:
 
     `displacement` (n,3) m is the reported shape, `residual_N` the out-of-balance force there with the flow evaluated
     again; `history` has a row per coupling iteration; `seconds` total and of each participant; `recoveries` what went
-    wrong on the way.
+    wrong on the way; `iterate` the coupling iteration in which the structure had this shape, 0 for that of the start.
     """
 
     displacement: np.ndarray
@@ -149,6 +149,7 @@ class CoupledResult:
     history: list[dict[str, float]]
     seconds: dict[str, float]
     recoveries: list[Recovery] = field(default_factory=list)
+    iterate: int | None = None
 
 
 class Equilibrium(Goal):
@@ -173,11 +174,18 @@ class Equilibrium(Goal):
         self._fields = coupling.fields(order)
         self.own = self._fields["structural.displacement"]
         self.shape = tuple(coupling.structural.blocks["displacement"])
+        self._iterates = {hash(np.ravel(coupling.start).tobytes()): 0}
 
     def begin(self) -> None:
         """See Goal."""
         if self._tie:
             self._coupling.set_tolerance(LOOSEST)
+
+    def iterate(self, displacement: np.ndarray) -> int | None:
+        """The last coupling iteration after which the structure was displaced so (n,3) m; 0: at the start, None: in no
+        one of this run.
+        """
+        return self._iterates.get(hash(np.ravel(displacement).tobytes()))
 
     def tolerances(self, tighter: float) -> tuple[Tolerance, Tolerance, Tolerance]:
         """See Goal: metres for the displacement, parts of their size for loads."""
@@ -188,6 +196,7 @@ class Equilibrium(Goal):
     def observed(self, x: np.ndarray, x_tilde: np.ndarray, r: np.ndarray, search: Search) -> dict[str, float]:
         """See Goal: the residual of the displacement, m, and all scalar outputs."""
         norm = float(np.linalg.norm(r[self.own]))
+        self._iterates[hash(np.ravel(x_tilde)[self.own].tobytes())] = len(search.history) + 1
         row = {"residual_m": norm}
         with contextlib.suppress(ValueError, RuntimeError):  # of a solver that has ended
             row |= self._coupling.scalars()
@@ -238,6 +247,16 @@ def _imbalance(coupling: Coupling, shown: np.ndarray, search: Search) -> tuple[f
     return float("nan"), reason
 
 
+def _show(coupling: Coupling, shown: np.ndarray) -> None:
+    """Let the flow see a shape, where it has another, and give the loads on it if it can: what is written is of one."""
+    with contextlib.suppress(
+        Exception
+    ):  # whatever a solver raises that has failed before: the shape is shown all the same
+        if not np.array_equal(coupling.aero.get("displacement"), shown):
+            coupling.aero.set("displacement", shown)
+            coupling.aero.step(coupling.time, coupling.dt)
+
+
 def solve(
     coupling: Coupling,
     scheme: Scheme,
@@ -271,13 +290,23 @@ def solve(
         raise RuntimeError(f"{error}.") from error
     found = run.found
     shown = found.x_tilde[goal.own].reshape(goal.shape)
-    if not np.all(np.isfinite(shown)):
-        shown = found.x[goal.own].reshape(goal.shape)
-        with contextlib.suppress(ValueError, RuntimeError):
-            present = coupling.structural.get("displacement")
+    if run.status != "converged":
+        shown = shown if np.all(np.isfinite(shown)) else found.x[goal.own].reshape(goal.shape)
+        with contextlib.suppress(ValueError, RuntimeError):  # of a solver that has ended
+            present = coupling.structural.get("displacement")  # after a recovery not that of the last evaluation
             shown = present if np.all(np.isfinite(present)) else shown
+        _show(coupling, shown)
     residual = float(found.field_residual_norms["structural.displacement"][-1])
     history = run.history
     return CoupledResult(
-        shown, run.status, run.message, len(history), residual, run.residual, history, run.seconds, run.recoveries
+        shown,
+        run.status,
+        run.message,
+        len(history),
+        residual,
+        run.residual,
+        history,
+        run.seconds,
+        run.recoveries,
+        goal.iterate(shown),
     )

@@ -67,6 +67,7 @@ def coupled_run(
         causality[label] = dict(participant.causality)
     told = "recovered" if result.status == "converged" else "tried to recover"
     remarks = symmetry_remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
+    remarks += _iterate_remarks(result)
     remarks += _branch_remarks(result.history, blocks["aero"])
     remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
     evaluations, validity = coupling.evaluations, coupling.validity()
@@ -81,6 +82,14 @@ def symmetry_remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
         if wanted is not None and used is not None and bool(wanted) and not bool(used):
             remarks.append(f"symmetry was asked for but turned off in the {label} solver: its input is not symmetric")
     return remarks
+
+
+def _iterate_remarks(result: CoupledResult) -> list[str]:
+    """Which shape of a run that did not converge is written."""
+    if result.status == "converged" or result.iterate is None:
+        return []
+    which = f"after coupling iteration {result.iterate} of {result.iterations}" if result.iterate else "of the start"
+    return [f"not converged: all that is written is of one shape, that {which}"]
 
 
 def _branch_remarks(history: list[dict[str, float]], flow: dict[str, np.ndarray]) -> list[str]:

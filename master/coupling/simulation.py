@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from interface import StepFailed
+from interface import StepFailed, irregular
 from interface.variables import allowed, first_outside
 from master.coupling.acceleration import Scheme
 from master.coupling.convergence import required_count, required_number
@@ -59,6 +59,8 @@ class Inputs:
     @classmethod
     def read(cls, path: Path) -> "Inputs":
         """The table of a file whose first column is `time`; ValueError naming file, row and remedy."""
+        if what := irregular(path):
+            raise ValueError(f"{path} is {what}; name a regular file.")
         try:
             with path.open(newline="", encoding="utf-8-sig") as file:
                 rows = [(n, row) for n, row in enumerate(csv.reader(file), 1) if any(c.strip() for c in row)]

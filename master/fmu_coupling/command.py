@@ -17,12 +17,14 @@ from master.report.console import EXIT_CONVERGED, EXIT_NOT_CONVERGED, print_rows
 SHOWN = 8  # sentences about steps, and inputs without a source, on the terminal
 
 
-def couple_file(path: Path, out: Path | None = None, report: bool = True, files: Files = NO_FILES) -> int:
+def couple_file(
+    path: Path, out: Path | None = None, report: bool = True, files: Files = NO_FILES, force: bool = False
+) -> int:
     """Couple the FMUs of a file, print its table, write its results; the exit code."""
     document = Document.read(path)
     out = out or Path("results") / path.stem
     with _progress(document) as follow:
-        result = couple(document, out, report, follow, files)
+        result = couple(document, out, report, follow, files, force)
     left = document.unconnected()
     more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
     notes = [f"note: inputs without a source keep their start values: {', '.join(left[:SHOWN])}{more}"] if left else []

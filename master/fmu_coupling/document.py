@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from interface import misnamed
 from master.coupling.convergence import ConvergenceMonitor
 from master.coupling.exchange import Connection, Exchange
 from master.coupling.schemes import scheme
@@ -115,6 +116,9 @@ def _member(listed: Table, name: str, folder: Path) -> tuple[Member, Described]:
     table.require_only("fmu", "memoryless", "substeps", "start", "blocks")
     if not name or "." in name or '"' in name:
         raise table.wrong("has a name with a dot or nothing in it; choose one of letters, digits and _.")
+    for called in (name, *table.table("blocks").content):
+        if why := misnamed(called):
+            raise table.wrong(f"has the name {called!r}, which {why}; choose another.")
     if name in WALL_TIMES:
         raise table.wrong("has a name that the wall times of the results use; choose another.")
     path, blocks, start = folder / table.text("fmu"), table.table("blocks"), table.table("start")

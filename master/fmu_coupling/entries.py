@@ -7,9 +7,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from interface import irregular
+
 
 def toml_content(path: Path, what: str) -> dict[str, Any]:
     """The content of a TOML file; ValueError in one sentence, with the line of a mistake, if it cannot be read."""
+    if other := irregular(path):
+        raise ValueError(f"{path} is {other}; name a TOML file that describes {what}.")
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -14,6 +14,7 @@ from fmpy import platform, read_model_description
 
 from master.coupling.participants import FmuParticipant
 from master.coupling.participants.blocks import Blocks, described_limits, grid, grouped
+from master.coupling.participants.fmu import require_size
 from master.fmu_coupling.entries import nearest
 
 
@@ -50,6 +51,7 @@ class Described(Blocks):
         if not Path(path).is_file():
             raise ValueError(f"there is no FMU {path}.")
         try:
+            require_size(path)
             version = _version(path)
             description = read_model_description(str(path), validate=False) if version == "2.0" else None
         except Exception as error:

@@ -11,7 +11,7 @@ import numpy as np
 
 from master.coupling.march import Steps
 from master.fmu_coupling.document import Document
-from master.report.record import POINTS, Curve, Rows, clear_leftovers
+from master.report.record import POINTS, Curve, Rows
 from master.report.tables import versions, write_json, write_whole
 
 if TYPE_CHECKING:
@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 
 PLOTS = ("results.png", "results.svg")
-RESULTS = ("results.csv", "steps.csv", "summary.json", *PLOTS)  # all files that a run may write
+TABLES = ("results.csv", "steps.csv", "summary.json")
+RESULTS = (*TABLES, *PLOTS)  # all files that a run may write
 PANELS = 6  # most blocks in the plot
 NO_PLOT = "no plot, because matplotlib is not installed; pip install 'kitecosim[report]' brings it."
 # Told after every communication step (steady: evaluation): its number, the time s, the residual norm, the blocks that
@@ -61,7 +62,6 @@ class Recorder:
         self.steps: Steps | None = None
         self.written: list[str] = []
         self.remark = ""
-        _prepare(folder)
         header = ["time_s"]
         for name, block in document.record:
             header += [f"{name}.{block}{index}" for index in _indices(document.described[name].blocks[block])]
@@ -79,11 +79,8 @@ class Recorder:
         self._begun().add(row)
 
     def _begun(self) -> Rows:
-        """The rows; with the first one what an earlier run left goes, as all input is known to be good then."""
+        """The rows, from the first one on: all input is known to be good then."""
         if self._rows is None:
-            clear_leftovers(self.folder, RESULTS)
-            for name in RESULTS:
-                (self.folder / name).unlink(missing_ok=True)
             self._rows = Rows(self.folder / "results.csv", self._header)
         return self._rows
 
@@ -105,7 +102,7 @@ class Recorder:
         self._close()
         _write_steps(self.folder / "steps.csv", result.steps, self.document)
         write_json(self.folder / "summary.json", summary(self.document, result))
-        self.written = list(RESULTS[:3])
+        self.written = list(TABLES)
         if report and find_spec("matplotlib") is None:
             self.remark = NO_PLOT
         elif report and result.values:  # none where not even the start could be recorded
@@ -115,17 +112,6 @@ class Recorder:
             for kind, data in rendered(couple_figure(title, self.curves, result.steps, self.document)).items():
                 write_whole(self.folder / f"results.{kind}", data)
             self.written += PLOTS
-
-
-def _prepare(folder: Path) -> None:
-    """Make the folder; ValueError in one sentence if that cannot be, or where a folder stands for one of the files."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ValueError(f"results cannot be written to {folder} ({reason}); name another folder.") from None
-    if foreign := [name for name in RESULTS if (folder / name).is_dir()]:
-        raise ValueError(f"{folder} has a folder where {foreign[0]} should go; name another folder.")
 
 
 def _indices(shape: tuple[int, ...]) -> Iterator[str]:

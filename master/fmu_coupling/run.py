@@ -18,7 +18,8 @@ from master.coupling.schemes import scheme
 from master.coupling.steady import Goal, Search, steady
 from master.fmu_coupling.document import Document
 from master.fmu_coupling.mapping import MappedParticipant
-from master.fmu_coupling.results import CoupleResult, Follower, Recorder
+from master.fmu_coupling.results import RESULTS, TABLES, CoupleResult, Follower, Recorder
+from master.report.results_folder import ResultsFolder
 
 
 @contextlib.contextmanager
@@ -40,20 +41,24 @@ def couple(
     report: bool = True,
     follow: Follower | None = None,
     files: Files = NO_FILES,
+    force: bool = False,
 ) -> CoupleResult:
     """Couple the FMUs of a document, of its file, or of the content of one; results go to the folder `out` if given.
 
     `report` draws plots too, where matplotlib is installed. `files` says where a transient run keeps checkpoints and
-    which one it continues from; the results then begin there. ValueError in one sentence for bad input, before anything
+    which one it continues from; the results then begin there. Files of others in the folder are replaced only by
+    `force`. ValueError in one sentence for bad input, before anything
     is run; what fails in the run ends in a status.
     """
     if not isinstance(document, Document):
         document = Document.of(document) if isinstance(document, Mapping) else Document.read(document)
+    files.require_writable()
     begin = time.perf_counter()
     with contextlib.ExitStack() as stack:
-        recorder = None
+        recorder = results = None
         if out is not None:
-            recorder = stack.enter_context(Recorder(Path(out), document))
+            results = stack.enter_context(ResultsFolder(Path(out), RESULTS if report else TABLES, force=force))
+            recorder = stack.enter_context(Recorder(results.path, document))
         exchange = stack.enter_context(opened(document))
         ready = time.perf_counter()
         run = Run(document, exchange, [f for f in (recorder, follow) if f is not None], files)
@@ -66,8 +71,9 @@ def couple(
             ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs,
             run.keeper.remarks,
         )  # fmt: skip
-        if recorder is not None:
+        if recorder is not None and results is not None:
             recorder.finish(result, report)
+            results.place()
     return result
 
 
@@ -92,7 +98,6 @@ class Run:
 
     def _check_checkpoints(self) -> None:
         """ValueError in one sentence where a run cannot be written to a checkpoint."""
-        self.files.require_writable()
         if self.document.settings.mode == "steady":
             raise ValueError("checkpoints are of transient runs; a steady run is one fixed point.")
         for name in self.exchange.without_rollback():
@@ -126,10 +131,11 @@ class Run:
                 f"{', '.join(self._models().values())}; begin without it."
             )
         try:
-            now = checkpoint.load_march(self.exchange, content, self.scheme)
-            now.require_fields(self.exchange, self.document.settings.order)
+            with checkpoint.damaged(path):
+                now = checkpoint.load_march(self.exchange, content, self.scheme)
+                now.require_fields(self.exchange, self.document.settings.order)
         except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
+            raise (error if str(path) in str(error) else ValueError(f"{path}: {error}")) from error
         self._require_times(f"the {self.exchange.time:g} s of the checkpoint {path}")
         return now
 

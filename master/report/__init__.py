@@ -104,7 +104,8 @@ def write_report(
     skin = membranes.membrane_state(scene.members, run.blocks["structural"])
     images = {name: figures.rendered(figure) for name, figure in drawn.items()}
     content_of: dict[str, str | bytes] = {f"{n}.{kind}": data for n, i in images.items() for kind, data in i.items()}
-    content_of["wing.vtu"] = vtk.wing_file(state.surface)
+    if len(state.surface.panels):
+        content_of["wing.vtu"] = vtk.wing_file(state.surface)
     if skin is not None:
         content_of["membranes.vtu"] = vtk.membranes_file(skin)
     if state.frame is not None:
@@ -117,8 +118,6 @@ def write_report(
     content_of[PAGE] = page(scene, run, content, state, shown, cores)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for name in REPORT:  # so that none of an earlier run stands beside them
-        (folder / name).unlink(missing_ok=True)
     for name, data in content_of.items():
         write_whole(folder / name, data)
     return list(content_of)

@@ -110,4 +110,5 @@ def panel_loads(nodes: np.ndarray, panels: np.ndarray, blocks: Mapping[str, np.n
             if "velocity" in blocks:
                 met = met - blocks["velocity"][panels].mean(axis=1)
             dynamic = 0.5 * float(blocks["air_density"]) * np.einsum("mk,mk->m", met, met)
-    return PanelLoads(vectors, blocks["pressure"], blocks.get("shear"), dynamic)
+    pressure = blocks.get("pressure", np.zeros(len(panels)))  # none of a flow around lines alone
+    return PanelLoads(vectors, pressure, blocks.get("shear"), dynamic)

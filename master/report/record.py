@@ -1,11 +1,13 @@
 """What a transient run writes as it advances: rows of a CSV file, and curves for its plots."""
 
+import contextlib
 import csv
+import io
 import os
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,23 +15,43 @@ POINTS = 2000  # most of a curve in a plot
 
 
 class Rows:
-    """A CSV file written row by row under a temporary name; `close` gives it its own, whatever has happened."""
+    """A CSV file written row by row, each at once and as a whole: who reads it while it grows, or after the run was
+    killed, finds all rows so far.
+    """
 
     def __init__(self, path: Path, header: list[str]) -> None:
-        self._path, self._temporary = path, path.with_name(f".{path.name}.{os.getpid()}.tmp")
-        self._file: IO[str] = self._temporary.open("w", encoding="utf-8", newline="")
-        self._writer = csv.writer(self._file, lineterminator="\n")
-        self._writer.writerow(header)
+        self._path, self._file, self._whole = path, path.open("wb", buffering=0), 0
+        self.add(header)
 
     def add(self, row: list[Any]) -> None:
-        """One row more; floats keep all their digits."""
-        self._writer.writerow(row)
+        """One row more; floats keep all their digits. OSError that names the file where the disk is full; no part of
+        the row is left then.
+        """
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerow(row)
+        data = memoryview(text.getvalue().encode())
+        whole = self._whole + len(data)
+        try:
+            with named(self._path):
+                while data:
+                    data = data[self._file.write(data) :]
+            self._whole = whole
+        finally:
+            if self._whole != whole:
+                self._file.truncate(self._whole)
 
     def close(self) -> None:
         """The end of the file; once is enough."""
-        if not self._file.closed:
-            self._file.close()
-            self._temporary.replace(self._path)
+        self._file.close()
+
+
+@contextlib.contextmanager
+def named(path: Path) -> Iterator[None]:
+    """An OSError on the way names the file that was written."""
+    try:
+        yield
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror or str(error), str(path)) from error
 
 
 LEFT = re.compile(r"\.(.+)\.(\d+)\.(tmp|part)")  # a file under way: its name to be, the process that writes it

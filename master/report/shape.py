@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interface import SurfaceMesh, area_vectors
 from master.report.figures import MIDDLE, WIDTH, axes_at, new_figure, style, wrapped
 from master.report.state import FinalState, Frame
 from master.report.views import FROM_ABOVE, FROM_LEFT, FROM_UPWIND, View, axis_labels
@@ -22,6 +23,8 @@ TALLEST = 9.0  # in, front and top view together
 BLUE = (0.60, 0.75, 0.88)
 SLACK = "#b2182b"
 LOOSE = "#d95f02"
+ENDS = 0.005  # of the area of a body, at either end of its loads: edges of a tip may have any
+PRESSURE = "outward load over dynamic pressure, –"
 TUBE, COLLAPSED = "0.58", "#d01c8b"
 THICK: dict[str, Any] = {"lw": 4.0, "solid_capstyle": "butt"}
 DASHES = {"slack": (0.0, (4.0, 2.5)), "loose": (0.0, (7.0, 1.5, 1.5, 1.5))}
@@ -71,11 +74,12 @@ def shape_figure(
             FROM_ABOVE: axes_at(figure, LEFT, BOTTOM, *above),
         }
         colours = None if frame is None else _colours(frame)
+        pressures = _pressures(state)
         for view, axes in views.items():
             _frame_axes(axes, view, middle, scale)
             axes.set_title(view.title if wind is not None else view.still, loc="left", pad=3.0)
             _name_axes(axes, view, names)
-            _draw(axes, state, view, colours, scale)
+            _draw(axes, state, view, colours, scale, pressures)
         if wind is not None and np.any(wind):
             _arrow(views[FROM_LEFT], FROM_LEFT, points, wind, f"wind {np.linalg.norm(wind):.4g} m/s")
         elif wind is None and gravity is not None and np.any(gravity):
@@ -83,10 +87,12 @@ def shape_figure(
         key = axes_at(figure, LEFT + front[0] + GAP, BOTTOM, side[0], above[1] - 0.05)
         key.set_axis_off()
         key.legend(handles, labels, loc="upper left", borderaxespad=0.0, handlelength=2.2, labelspacing=0.35)
-        if colours is not None:
-            place = axes_at(figure, LEFT + front[0] + GAP + 0.1, BOTTOM + 0.02, min(side[0], 2.6) - 0.3, 0.12)
-            bar = figure.colorbar(colours, cax=place, orientation="horizontal")
-            bar.set_label("line tension, N")
+        shown = {"line tension, N": colours} if colours is not None else {PRESSURE: pressures}
+        for label, mapping in shown.items():
+            if mapping is not None:
+                place = axes_at(figure, LEFT + front[0] + GAP + 0.1, BOTTOM + 0.02, min(side[0], 2.6) - 0.3, 0.12)
+                ends = "neither" if mapping is colours else "both"
+                figure.colorbar(mapping, cax=place, orientation="horizontal", extend=ends).set_label(label)
     return figure
 
 
@@ -143,12 +149,47 @@ def _colours(frame: Frame) -> Any:
     return ScalarMappable(Normalize(0.0, float(frame.tension[taut].max())), cut)
 
 
-def _draw(axes: "Axes", state: FinalState, view: View, colours: Any, scale: float) -> None:
+def _pressures(state: FinalState) -> Any:
+    """Colours of the load along the normals of a closed body, from pale to dark, over all but the ends of its range;
+    None for a sheet, and without loads.
+    """
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+
+    surface = state.surface
+    values = surface.loads.C_p
+    if values is None or not np.all(np.isfinite(values)) or not SurfaceMesh(surface.position, surface.panels).closed:
+        return None
+    cut = ListedColormap(colormaps["viridis_r"](np.linspace(0.05, 1.0, 256)))
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(surface.loads.area[order])
+    low, high = np.interp([ENDS, 1.0 - ENDS], share / share[-1], values[order])
+    return ScalarMappable(Normalize(float(low), float(high)), cut)
+
+
+def _draw_body(axes: "Axes", state: FinalState, view: View, pressures: Any) -> None:
+    """What is seen of a closed body in a view, the nearest in front, in the colours of the load on it."""
+    from matplotlib.collections import PolyCollection
+
+    surface = state.surface
+    corners = surface.position[surface.panels]
+    seen = np.flatnonzero(area_vectors(corners) @ view.viewer > 0.0)
+    order = seen[np.argsort(corners[seen].mean(axis=1) @ view.viewer, kind="stable")]
+    paint = pressures.to_rgba(np.asarray(surface.loads.C_p)[order])
+    body = PolyCollection(list(corners[order][..., view.at]), fc=paint, ec=paint, lw=0.3, zorder=1, gid="body")
+    axes.add_collection(body, autolim=False)
+
+
+def _draw(axes: "Axes", state: FinalState, view: View, colours: Any, scale: float, pressures: Any) -> None:
     """Surface and structure in a view of `scale` in per m."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     at = view.at
     surface, frame = state.surface, state.frame
+    if pressures is not None and frame is None:
+        _draw_body(axes, state, view, pressures)
+        return
     corners = surface.position[surface.panels][..., at]
     wing = PolyCollection(list(corners), fc=(*BLUE, 0.45), ec=(*BLUE, 1.0), lw=0.5, zorder=1)
     axes.add_collection(wing, autolim=False)
@@ -187,8 +228,12 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    entries: list[tuple[Any, str]] = [(Patch(fc=(*BLUE, 0.45), ec=BLUE, lw=0.5), "wing surface (interface)")]
+    entries: list[tuple[Any, str]] = []
+    if len(state.surface.panels):
+        entries.append((Patch(fc=(*BLUE, 0.45), ec=BLUE, lw=0.5), "wing surface (interface)"))
     frame = state.frame
+    if frame is None and _pressures(state) is not None:
+        entries = [(Line2D([], [], ls=""), "a closed body, in the colours of the load on it")]
     if frame is not None:
         kinds = (frame.two_way, frame.taut, frame.slack, frame.loose)
         springs, taut, slack, loose = (int((which & ~frame.canopy).sum()) for which in kinds)

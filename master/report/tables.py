@@ -14,6 +14,7 @@ import numpy as np
 
 from master.report.membranes import element_table, membrane_rows, membrane_state, seam_table
 from master.report.panels import panel_loads
+from master.report.record import named
 from master.report.sections import COLUMNS, wing_sections
 from master.report.state import loose_lines
 from master.report.validity import validity_row
@@ -34,11 +35,14 @@ ELEMENTS = {
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file under a temporary name and rename it, so that no reader ever meets half of it."""
+    """Write a file under a temporary name and rename it, so that no reader ever meets half of it. OSError that names
+    it where that fails.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        temporary.write_bytes(content.encode() if isinstance(content, str) else content)
-        temporary.replace(path)
+        with named(path):
+            temporary.write_bytes(content.encode() if isinstance(content, str) else content)
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -174,6 +178,7 @@ def summary(run: "Run", settings: dict[str, Any]) -> dict[str, Any]:
         "coupling_iterations": result.iterations,
         "residual": result.residual,
         "residual_N": result.residual_N,
+        "shape_of_iteration": result.iterate,
         "first_residual": result.history[0]["residual_m"] if result.history else None,
         "statically_stable": None if judged is None else judged.statically_stable,
         "stability": None
@@ -273,9 +278,12 @@ def _rigid_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
 
 
 def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]:
+    wind = ("wind speed", f"{float(aero['wind_speed']):g} m/s")
+    if scene.wing_model is None:  # lines alone
+        return [wind]
     area = f"area {scene.aero.reference_area:g} m2"
     return [
-        ("wind speed", f"{float(aero['wind_speed']):g} m/s"),
+        wind,
         ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} ({area})"),
         *scene.wing_model.rows(aero),
         ("aerodynamic force", _vector(aero["force"]) + " N"),

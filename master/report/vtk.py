@@ -4,13 +4,12 @@ Points are those of the result; `displacement_m` leads there from the design sha
 back). `node`, `panel`, `element` and `line` count from 1, as the rows of the CSV tables do.
 """
 
-import tempfile
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from master.coupling.participants.private_folder import PrivateFolder
 from master.report.membranes import MembraneState
 from master.report.state import Frame, Surface
 
@@ -113,7 +112,7 @@ def _vtu(points: np.ndarray, cells: Any, point_data: dict[str, np.ndarray], cell
     import meshio
 
     mesh = meshio.Mesh(np.asarray(points, float), cells, point_data, cell_data)
-    with tempfile.TemporaryDirectory() as folder:  # meshio writes to paths only
-        path = Path(folder) / "mesh.vtu"
+    with PrivateFolder() as folder:  # meshio writes to paths only
+        path = folder / "mesh.vtu"
         mesh.write(path, file_format="vtu")
         return path.read_bytes()

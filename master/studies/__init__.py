@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from master.commands import results_folder
 from master.coupling.convergence import required_count
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.schemes import SCHEMES
+from master.report.results_folder import ResultsFolder
 from master.report.tables import plain
-from master.studies.files import Store, begin
+from master.studies.files import FILES, Store
 from master.studies.flat import flat_rows
-from master.studies.grid import grid
+from master.studies.grid import Cell, grid
 from master.studies.pool import rows
 
 __all__ = ["compare"]
@@ -39,6 +39,7 @@ def compare(
     out: str | Path | None = None,
     recompute: bool = False,
     fresh: bool = False,
+    force: bool = False,
     progress: Callable[[int, int, dict[str, Any] | None], Any] | None = None,
 ) -> list[dict[str, Any]]:
     """Solve every scene with every scheme; a flat dict per cell, such that `pandas.DataFrame` makes a table of them.
@@ -58,8 +59,9 @@ def compare(
 
     With `out`, finished cells are kept in `out`/cells and taken from there another time (`recompute`: solved again;
     `fresh` is its former name), and
-    tables, plots and a page are written as `kitecosim compare` does. `progress(done, total, row)` is called first with
-    the number of cells that were there and None, then after every cell with what is known of it.
+    tables, plots and a page are written as `kitecosim compare` does, over files of others only by `force`.
+    `progress(done, total, row)` is called first with the number of cells that were there and None, then after every
+    cell with what is known of it.
 
     ValueError in one sentence for bad input. What the keys mean is in docs/compare.md.
     """
@@ -88,12 +90,30 @@ def compare(
     assigned = {k: assignment_text(v) for k, v in (settings or {}).items()}
     transient = {"stop_time": stop_time, "step": step}
     cells = grid(paths, names, listed, assigned, swept, ordered, options, transient)
-    store = None
-    if out is not None:
-        results_folder(Path(out))
-        store = Store(Path(out))
-        begin(Path(out))
-    found = {} if store is None or recompute or fresh else store.finished(cells)
+    if out is None:
+        found = _solved(cells, jobs, None, False, progress)
+        return flat_rows(cells, [found[cell.key] for cell in cells])
+    from master.studies.files import write_comparison
+
+    with ResultsFolder(Path(out), FILES, "compare", force) as results:
+        found = _solved(cells, jobs, Store(Path(out)), recompute or fresh, progress)
+        table = flat_rows(cells, [found[cell.key] for cell in cells])
+        write_comparison(results.path, table)
+        results.place()
+    return table
+
+
+def _solved(
+    cells: Sequence[Cell],
+    jobs: int | None,
+    store: Store | None,
+    recompute: bool,
+    progress: Callable[[int, int, dict[str, Any] | None], Any] | None,
+) -> dict[str, dict[str, Any]]:
+    """Key -> row of all cells: of those that the `store` has, unless they are to be computed again, and of those that
+    are solved, which it keeps.
+    """
+    found = {} if store is None or recompute else store.finished(cells)
     if progress is not None:
         progress(len(found), len(cells), None)
     left = [cell for cell in cells if cell.key not in found]
@@ -104,9 +124,4 @@ def compare(
             store.write(cell, row)
         if progress is not None:
             progress(len(found), len(cells), {"case": cell.case, "label": cell.label, **row})
-    table = flat_rows(cells, [found[cell.key] for cell in cells])
-    if out is not None:
-        from master.studies.files import write_comparison
-
-        write_comparison(Path(out), table)
-    return table
+    return found

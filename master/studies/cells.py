@@ -1,6 +1,5 @@
 """One cell of a comparison: the scene loaded anew, solved with a new scheme object, and what is worth knowing of it."""
 
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from master.commands import at_rest, opened, pair, prepared
 from master.coupling.equilibrium import CoupledResult, Coupling, solve
 from master.coupling.participants import Participant
+from master.coupling.participants.private_folder import PrivateFolder
 from master.coupling.schemes import SCHEMES, scheme
 from master.coupling.simulation import Simulation, simulate
 from master.studies.grid import Cell
@@ -57,8 +57,8 @@ def solved(cell: Cell) -> dict[str, Any]:
         scene, given, cores = prepared(cell.folder, cell.assigned)
         scene, _, _ = at_rest(scene, given, cores)
         _warm(cell, scene, given)
-        with tempfile.TemporaryDirectory(prefix="comparison_") as folder:
-            solves = [_solve(cell, scene, given, Path(folder)) for _ in range(cell.repeat)]
+        with PrivateFolder() as folder:
+            solves = [_solve(cell, scene, given, folder) for _ in range(cell.repeat)]
         seconds = sorted((s for _, s in solves), key=lambda s: s.get("total", 0.0))[(cell.repeat - 1) // 2]
         row = solves[0][0]
     except Exception as error:

@@ -29,7 +29,8 @@ def compare_scenes(
             rows = compare(scenes, names, parameters, swept, out=out, progress=progress, **options)
     except KeyboardInterrupt:
         print(
-            f"kitecosim: interrupted; finished cells are in {out}/cells, and the same command continues from there.",
+            f"kitecosim: interrupted; finished cells are in {out}/cells, and the same command continues from there; "
+            "tables of an earlier comparison stay.",
             file=sys.stderr,
         )
         return EXIT_INTERRUPTED

@@ -50,18 +50,10 @@ def write_comparison(out: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
         images = {name: rendered(figure) for name, figure in comparison_figures(rows).items()}
         content |= {f"{name}.{kind}": data for name, image in images.items() for kind, data in image.items()}
         content["compare.html"] = page(rows, {name: (FIGURES[name], image["svg"]) for name, image in images.items()})
-    begin(out)
     write_json(out / "compare.json", {"cells": list(rows)})
     for name, data in content.items():
         write_whole(out / name, data)
     return [name for name in FILES if name in content or name == "compare.json"]
-
-
-def begin(out: Path) -> None:
-    """Remove tables, plots and page of an earlier comparison, so that none is taken for those of this one."""
-    clear_leftovers(out, FILES)
-    for name in FILES:
-        (out / name).unlink(missing_ok=True)
 
 
 class Store:
@@ -73,7 +65,7 @@ class Store:
     def __init__(self, out: Path) -> None:
         self._folder = out / "cells"
         try:
-            self._folder.mkdir(exist_ok=True)
+            self._folder.mkdir(parents=True, exist_ok=True)
         except OSError:
             raise ValueError(f"--out {out}: {self._folder} cannot be made a folder; name another folder.") from None
         clear_leftovers(self._folder)

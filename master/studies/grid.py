@@ -218,7 +218,9 @@ def _text(value: Any) -> str:
 
 def _digest(folder: Path, patterns: Iterable[str], but: Sequence[str] = ()) -> str:
     """Hash of names and contents of the files of a folder."""
-    names = [p.relative_to(folder) for pattern in patterns for p in folder.glob(pattern) if p.is_file()]
+    found = (p for pattern in patterns for p in folder.glob(pattern) if p.is_file())
+    inside = (p for p in found if not p.is_symlink() or p.resolve().is_relative_to(folder.resolve()))
+    names = [p.relative_to(folder) for p in inside]
     kept = [n.as_posix() for n in names if n.parts[0] not in but and "__pycache__" not in n.parts]
     return files_digest(folder, kept)
 

@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
+from master.report.results_folder import uninterrupted
 from master.studies.cells import crashed, solved
 from master.studies.grid import Cell
 
@@ -48,7 +49,8 @@ def _shared_out(cells: list[Cell], jobs: int, slots: dict[int, ProcessPoolExecut
             return
         if slot not in slots:
             slots[slot] = _started(slot)
-        running[slots[slot].submit(solved, cell)] = slot, cell
+        with _uninterrupted():
+            running[slots[slot].submit(solved, cell)] = slot, cell
 
     for slot in range(min(jobs, len(cells))):
         begin(slot)
@@ -69,13 +71,31 @@ def _started(slot: int) -> ProcessPoolExecutor:
     pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _ignore_interrupt)
     if slot == 0:
         try:
-            pool.submit(os.getpid).result()
+            with _uninterrupted():
+                asked = pool.submit(os.getpid)
+            asked.result()
         except BrokenProcessPool:
             raise RuntimeError(
                 "the worker processes do not start; in a script, call compare below `if __name__ == '__main__':`, or "
                 "with jobs=0."
             ) from None
     return pool
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes that start meanwhile hear of no interrupt before they ignore it, as they inherit the mask; this one
+    hears of it afterwards, whichever of its threads it reaches.
+    """
+    with uninterrupted():
+        if not hasattr(signal, "pthread_sigmask"):
+            yield
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _ignore_interrupt() -> None:

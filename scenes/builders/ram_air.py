@@ -41,8 +41,9 @@ def ram_air_mesh(
     if rows < 1 or any(len(rib) < 4 for rib in ribs):
         raise ValueError("ribs need four nodes round their profile and one row of triangles, or more.")
     skin = _split(nodes, panels)
-    places, triangles, parts, lines = [nodes], [skin], {"skin": np.arange(len(skin))}, []
+    places, triangles, parts = [nodes], [skin], {"skin": np.arange(len(skin))}
     line_parts: Parts = {}
+    lines: list[np.ndarray] = []
     count, at = len(nodes), len(skin)
     for k, rib in enumerate(ribs):
         closed = tips and k in (0, len(ribs) - 1)
@@ -51,7 +52,7 @@ def ram_air_mesh(
         triangles.append(filled)
         if not closed:
             parts[f"rib_{k + 1}"] = at + np.arange(len(filled))
-        line_parts[f"rib_{k + 1}"] = sum(map(len, lines)) + np.arange(len(rib))
+        line_parts[f"rib_{k + 1}"] = sum(len(row) for row in lines) + np.arange(len(rib))
         lines.append(np.stack([rib, np.roll(rib, -1)], axis=1))
         count, at = count + len(inner), at + len(filled)
     parts["ribs"] = np.arange(len(skin), at)

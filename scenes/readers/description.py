@@ -8,6 +8,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from aero.methods import method_options, methods, of_bodies
 from aero.model import Option
+from interface import misnamed, unprintable
 
 from ..schema import (
     SECTIONS,
@@ -28,6 +29,7 @@ from ..schema import (
     a_flag,
 )
 from .settings import offered_settings, setting, variant
+from .tables import require_own
 
 Check = Callable[[Any], Any]
 # Sections that a scene may do without.
@@ -105,6 +107,7 @@ def read_description(folder: Path, settings: Mapping[str, Any]) -> Description:
     """
     label = f"{folder.name}/scene.toml"
     content = _parsed(folder / "scene.toml", label)
+    _check_texts(label, content)
     offers = offered_settings(label, content.get("settings", {}))
     chosen = {key: option.default for key, option in offers.items()}
     for key, value in settings.items():
@@ -260,7 +263,24 @@ def _check_membranes(label: str, found: Mapping[str, Any]) -> None:
         )
 
 
+def _check_texts(label: str, content: Any, place: str = "") -> None:
+    """`SceneError` for a text that XML, CSV or a terminal cannot show, and for a name that a spreadsheet takes for a
+    formula; a description may have several lines.
+    """
+    if isinstance(content, str):
+        text = content.replace("\n", " ").replace("\t", " ") if place == "description" else content
+        if bad := unprintable(text):
+            raise SceneError(f"{label}: {place} has the control character {bad}; take it away.")
+    for key, value in content.items() if isinstance(content, dict) else ():
+        if why := misnamed(key):
+            raise SceneError(f"{label}: the name {key!r} {why}; choose another.")
+        _check_texts(label, value, f"{place}.{key}" if place else key)
+    for value in content if isinstance(content, list) else ():
+        _check_texts(label, value, place)
+
+
 def _parsed(path: Path, label: str) -> dict[str, Any]:
+    require_own(path, label)
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:

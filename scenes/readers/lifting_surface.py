@@ -114,6 +114,12 @@ def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float, in
     from aero.vortex_step.polars import sections_beside  # not loaded by scenes without a wing
 
     span, strips = _places(*design_edges(sections, scale), interface)
+    lost = np.flatnonzero(~(np.diff(span) > 0.0))
+    if len(lost):
+        raise SceneError(
+            f"{sections.at(int(lost[0]) + 1)} stands where the row before does, to rounding of the span of "
+            f"{span[-1]:g} m; correct the places of the sections."
+        )
     _check_ranges(f"{folder.name}/{wing.polars}", sections, curves, sections_beside(span, strips))
     return SectionPolars(alpha, cl, cd, cm, ends, polar, span, strips)
 

@@ -22,7 +22,7 @@ from ..members import MembraneMesh, MembranePressure, MembraneSupport
 from ..schema import CableInput, Choices, FabricInput, MembranesInput, SceneError
 from .elements import Element
 from .membrane_shapes import made_mesh
-from .meshes import read_mesh
+from .meshes import check_size, read_mesh
 from .tables import positive, read_table, whole
 
 ISOTROPIC = ("stiffness", "modulus", "thickness", "poisson")
@@ -101,10 +101,14 @@ def _mesh(folder: Path, given: MembranesInput, choices: Choices, surface: Closed
         what = "has neither a mesh nor a shape" if given.mesh is None else "has a mesh and a shape"
         raise SceneError(f"{where} {what}; name a file in 'mesh', or one of the shapes in 'shape'.")
     odd = [key for key in (ONLY_FILE if given.mesh is None else ONLY_SHAPE) if getattr(given, key)]
+    if given.unit == "m" and odd[:1] == ["unit"]:
+        odd = odd[1:]  # it says that a shape is meant to be that large
     if odd:
         raise SceneError(f"{where} {odd[0]} means nothing to a {'shape' if given.mesh is None else 'file'}; drop it.")
     if given.mesh is None:
-        return made_mesh(folder, given, choices, order, surface)
+        made = made_mesh(folder, given, choices, order, surface)
+        check_size(made.label, made.nodes[np.unique(made.triangles)], given.unit, "give sizes and profiles in m")
+        return made
     if choices.cells:
         raise SceneError(f"{folder.name}/scene.toml: [settings.cells] means nothing to a mesh from a file; remove it.")
     file = given.unit, given.groups, given.drop_loose_nodes, given.parts_may_be_apart
@@ -261,9 +265,13 @@ def _pattern(folder: Path, given: MembranesInput, mesh: TriangleMesh) -> np.ndar
     columns = {"element": whole, "side_12_m": positive, "side_23_m": positive, "side_31_m": positive}
     table = read_table(folder / given.patterns, columns)
     lengths, row_of = pattern_lengths(pattern), {int(n): row for row, n in enumerate(mesh.triangle_numbers)}
+    seen: set[int] = set()
     for row, number in enumerate(table["element"]):
         if number not in row_of:
             raise SceneError(f"{table.at(row)}: {mesh.label} has no triangle {number}; correct the number.")
+        if number in seen:
+            raise SceneError(f"{table.at(row)}: element {number} has a pattern in an earlier row too; delete one.")
+        seen.add(number)
         lengths[row_of[number]] = [table[key][row] for key in list(columns)[1:]]
     return pattern_of_lengths(lengths, replace(mesh, label=f"{folder.name}/{given.patterns}"))
 

@@ -21,6 +21,7 @@ from ..builders.mesh import Parts, TriangleMesh, renumbered, turned
 from ..builders.mesh_checks import check_connected, check_no_loose_nodes, check_triangles, without_loose_nodes
 from ..builders.topology import outward_flips
 from ..schema import SceneError
+from .tables import require_own
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "ft": 0.3048, "in": 0.0254}  # m
 LARGEST = 100.0  # m across, beyond which a mesh whose unit is not given is taken to be in mm
@@ -59,7 +60,7 @@ def read_mesh(
     blocks = _blocks(content, label)
     mesh = replace(_once(_assembled(content, blocks, label, groups, UNITS[unit or "m"])), remarks=remarks)
     check_triangles(mesh)
-    _check_size(label, mesh.nodes[np.unique(mesh.triangles)], unit)
+    check_size(label, mesh.nodes[np.unique(mesh.triangles)], unit, 'say unit = "mm"')
     if drop_loose_nodes:
         mesh = without_loose_nodes(mesh)
     check_no_loose_nodes(mesh)
@@ -130,7 +131,7 @@ def read_panels(path: str | Path, unit: str | None = None, groups: str | None = 
     if len(used) < len(points):
         count = len(points) - len(used)
         remarks = (*remarks, f"{label}: {count} {agreed(count, 'node', 'nodes')} without a panel left out.")
-    _check_size(label, points[used], unit)
+    check_size(label, points[used], unit, 'say unit = "mm"')
     place = np.full(len(points), -1)
     place[used] = np.arange(len(used))
     of_lines = {name: place[np.concatenate(found)] for name, found in lines.items()}
@@ -143,6 +144,7 @@ def _content(path: Path, label: str) -> tuple[Any, tuple[str, ...]]:
         import meshio
     except ModuleNotFoundError:
         raise SceneError(f"{label}: {MISSING}") from None
+    require_own(path, label)
     if not path.is_file():
         raise SceneError(f"{label} does not exist; add the file or correct its name.")
     known = meshio.extension_to_filetypes
@@ -326,13 +328,14 @@ def _group_names(content: Any, label: str, groups: str | None) -> Any:
     return of_block
 
 
-def _check_size(label: str, used: np.ndarray, unit: str | None) -> None:
-    """Raises where lengths of `used` nodes look like mm, or like m where another unit was given."""
+def check_size(label: str, used: np.ndarray, unit: str | None, remedy: str) -> None:
+    """Raises where lengths of `used` nodes look like mm, with what to do then, or like m where another unit was
+    given.
+    """
     across = float(np.ptp(used, axis=0).max())
     if unit is None and across > LARGEST:
         raise SceneError(
-            f'{label} is {across:.4g} m across: its lengths look like mm; say unit = "mm", or unit = "m" if it is that '
-            "large."
+            f'{label} is {across:.4g} m across: its lengths look like mm; {remedy}, or unit = "m" if it is that large.'
         )
     if unit not in (None, "m") and across < SMALLEST:
         raise SceneError(

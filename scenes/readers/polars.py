@@ -24,12 +24,16 @@ def read_curves(path: Path) -> dict[str, np.ndarray]:
     for key, rows in rows_of.items():
         curve = values[:, rows]
         alpha = curve[0]
-        falling = np.flatnonzero(np.diff(alpha) <= 0.0)
+        falling = np.flatnonzero(np.diff(alpha) <= ROUNDING)
+        far = np.flatnonzero(np.abs(alpha) > 360.0)
         if len(alpha) < 2:
             raise SceneError(f"{table.at(rows[0])}: polar '{key}' has one angle only; give it at least two.")
         if len(falling):
             at = table.at(rows[int(falling[0]) + 1])
             raise SceneError(f"{at}: alpha_deg of polar '{key}' does not increase; sort its rows by angle.")
+        if len(far):
+            at = table.at(rows[int(far[0])])
+            raise SceneError(f"{at}: alpha_deg of polar '{key}' is beyond 360 degrees; correct the cell.")
         if np.abs(alpha).max() <= 3.2 and np.abs(np.diff(curve[1]) / np.diff(alpha)).max() > 1.0:
             raise SceneError(
                 f"{table.at(rows[0])}: alpha_deg of polar '{key}' goes from {alpha[0]:g} to {alpha[-1]:g} only; write "

@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from interface import misnamed
+
 from ..builders.interface import (
     body_interface,
     design_interface,
@@ -55,6 +57,9 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
         interface = _interface(read, members, struts, sections, surface)
         check_line_ends(folder, read.structure, members, loads, interface)
+    for label in (*members.labels, *members.names, *(members.membranes.seams if members.membranes else ())):
+        if why := misnamed(label):  # what comes from a file of a mesh
+            raise SceneError(f"{folder.name}: the name {label!r} {why}; choose another.")
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
@@ -166,15 +171,25 @@ def settings_of(scene: str | Path) -> dict[str, Setting]:
 
 def _folder(scene: str | Path) -> Path:
     """The folder of a scene given by path or by the name of a built-in one."""
+    found = None
     for folder in (Path(scene), BUILT_IN / str(scene)):
         try:
-            if str(scene) and (folder / "scene.toml").exists():
-                return folder.resolve()
+            if found is None and str(scene) and (folder / "scene.toml").exists():
+                found = folder.resolve()
         except (OSError, ValueError):  # names that no file can have
             break
+    if found is not None:
+        return _named(found)
     known = ", ".join(available())
     shown = str(scene)[:80]
     raise SceneError(f"there is no scene '{shown}'; built-in are: {known} (or name a folder with a scene.toml).")
+
+
+def _named(folder: Path) -> Path:
+    """The folder, if its name can be that of a scene."""
+    if why := misnamed(folder.name):
+        raise SceneError(f"the folder {folder.name!r} {why}; a scene is called like its folder: rename it.")
+    return folder
 
 
 def available() -> list[str]:

@@ -1,18 +1,27 @@
 """CSV tables of a scene, read with errors that name file, row and remedy."""
 
 import csv
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..schema import SceneError
+from interface import irregular, misnamed, unprintable
+
+from ..schema import LARGEST, SceneError
+
+
+def require_own(path: Path, label: str) -> None:
+    """SceneError for a file of a scene that is no regular one, or a link to something outside of the scene's folder."""
+    if what := irregular(path):
+        raise SceneError(f"{label} is {what}; put a regular file in its place.")
+    if path.is_symlink() and not path.resolve().is_relative_to(path.parent.resolve()):
+        raise SceneError(f"{label} is a link to {path.resolve()}, outside of the scene; put a copy in its place.")
 
 
 def number(text: str) -> float:
     """A finite number; `1e4` and `10000.0` alike."""
     value = float(text)
-    if not math.isfinite(value):
+    if not abs(value) <= LARGEST:
         raise ValueError
     return value
 
@@ -20,7 +29,7 @@ def number(text: str) -> float:
 def positive(text: str) -> float:
     """A finite number above zero."""
     value = number(text)
-    if value <= 0.0:
+    if value < 1.0 / LARGEST:
         raise ValueError
     return value
 
@@ -39,24 +48,26 @@ def whole(text: str) -> int:
 
 
 def name(text: str) -> str:
-    """A name without blanks."""
-    if not text or " " in text:
+    """A name without blanks, which every table can hold."""
+    if not text or " " in text or misnamed(text):
         raise ValueError
     return text
 
 
 def names(text: str) -> tuple[str, ...]:
     """Names separated by blanks."""
+    if any(misnamed(part) for part in text.split()):
+        raise ValueError
     return tuple(text.split())
 
 
 _MEANING: dict[Callable[[str], Any], str] = {
-    number: "a finite number",
-    positive: "a number above zero",
-    non_negative: "a number, zero or more",
+    number: f"a finite number of at most {LARGEST:g}",
+    positive: f"a number above zero, from {1.0 / LARGEST:g} to {LARGEST:g}",
+    non_negative: f"a number, zero or more, of at most {LARGEST:g}",
     whole: "a whole number",
-    name: "a name without blanks",
-    names: "names separated by blanks",
+    name: "a name without blanks and control characters that begins with none of = + - @",
+    names: "names separated by blanks, without control characters, none of which begins with = + - @",
 }
 
 
@@ -92,6 +103,7 @@ def _numbered(reader: Any) -> list[tuple[int, list[str]]]:
 def read_table(path: Path, columns: Mapping[str, Callable[[str], Any]]) -> Table:
     """The named columns of a CSV file with a header row; raises `SceneError` for whatever does not fit."""
     label = f"{path.parent.name}/{path.name}"
+    require_own(path, label)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = _numbered(csv.reader(file, strict=True))
@@ -130,9 +142,10 @@ def _first_fault(
             return f"{label} row {line} has {len(row)} cells where the header has {len(header)}; mend the row."
         for column, convert in columns.items():
             cell = row[header.index(column)].strip()
+            shown = repr(cell) if unprintable(cell) else f"'{cell}'"
             try:
                 convert(cell)
             except ValueError:
                 meaning = _MEANING.get(convert, "a valid value")
-                return f"{label} row {line}: {column} '{cell}' is not {meaning}; correct the cell."
+                return f"{label} row {line}: {column} {shown} is not {meaning}; correct the cell."
     return f"{label} has a row that cannot be read; correct it."

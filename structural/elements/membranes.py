@@ -16,7 +16,7 @@ T3 has constant strain and one point; T6 three points of integration, its nodes 
 sides 01, 12, 20.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -33,8 +33,11 @@ from .contract import ElementGroup
 BLOCK = 2048
 # How far lengths of mirror images may differ, relative to the element: rounding of rotated coordinates.
 ALIKE = 1e-9
+# Strains that are nothing but rounding of positions, over eps reach |dN/dX|: those of unloaded meshes, of T3 and T6 and
+# anywhere in space, are smaller.
+STRAIN_ROUNDING = 8.0 * float(np.finfo(float).eps)
 # Forces that rounding of positions leaves, over eps stiffness reach; see `rounding`.
-ROUNDING = 0.2
+ROUNDING = 0.25
 
 # Up to where the law is meant, and a fabric holds.
 MEMBRANE_STRAIN = Criterion(
@@ -169,12 +172,16 @@ class Membranes(ElementGroup):
         return out
 
     def forces_and_tangents(self, at):
-        """See ElementGroup."""
+        """See ElementGroup. At rest, where rounding alone would tell taut from slack, the tangents are those of a taut
+        membrane: the path of a solve from there does not depend on the last digits of the mesh.
+        """
         e, m = self.nodes.shape
         out, tangents = np.empty((e, m, 3)), np.empty((e, 3 * m, 3 * m))
+        reach = float(np.abs(at.x).max(initial=0.0))
         for rows, part, slopes, weights in self._blocks():
             f = _gradients(_corners(at.x, part.nodes), slopes)
-            stress, slope = part.law.response(_strains(f))
+            rounding = STRAIN_ROUNDING * reach * np.abs(slopes).max(axis=(1, 2))
+            stress, slope = part.law.response(_strains(f), rounding=rounding)
             stress *= weights
             out[rows] = _forces(f, stress, slopes).transpose(2, 0, 1)
             tangents[rows] = _tangents(f, stress, weights * slope, slopes).reshape(3 * m, 3 * m, -1).transpose(2, 0, 1)
@@ -230,6 +237,21 @@ class Membranes(ElementGroup):
         eps ||stiffness reach|| (root of the sum of squares); solvers take four times what is given here.
         """
         return ROUNDING * self.stiffness(at) * reach
+
+    def softenable(self):
+        """See ElementGroup: E h times the width of all elements together. Those that may push keep their stiffness."""
+        return float(self._width * np.max(self.law.stiffest)) if self.law.wrinkles and len(self) else 0.0
+
+    def softened(self, load):
+        """See ElementGroup: E h' = E h P / (P + E h width)."""
+        if not self.law.wrinkles or not len(self):
+            return self
+        return replace(self, law=self.law.scaled(load / (load + self._width * self.law.stiffest)))
+
+    @property
+    def _width(self):
+        """Root of the area of all elements, m."""
+        return float(np.sqrt(self.area.sum()))
 
     def nodal_masses(self, node_count):
         """Mass kg (n,) of the nodes: shares of int mass dA, a third each with T3, a third at each middle with T6."""

@@ -80,6 +80,10 @@ class LinearMembrane:
         parts = {f.name: getattr(self, f.name) for f in fields(self)}
         return replace(self, **{k: v[rows] for k, v in parts.items() if isinstance(v, np.ndarray)})
 
+    def scaled(self, factor):
+        """The membranes with `factor` (e,) times their stiffness."""
+        return replace(self, E1=factor * self.E1, E2=factor * self.E2, G=factor * self.G)
+
     @property
     def isotropic(self):
         """Whether no direction of an element differs from another, (e,), to rounding."""
@@ -109,9 +113,12 @@ class LinearMembrane:
         stress, _ = self.response(strain, tangents=False)
         return 0.5 * np.sum(stress * self.strain(stress), axis=0)
 
-    def response(self, strain, tangents=True):
+    def response(self, strain, tangents=True, rounding=0.0):
         """Stress (3,...,e) N/m at a `strain` (3,...,e), and its derivative by the strain, the rows
         (11, 12, 13, 22, 23, 33) of a symmetric matrix (6,...,e) N/m; None without `tangents`.
+
+        Where no strain is larger than `rounding`, a number or (...,e), the state is chance, and the derivative that of
+        a taut membrane.
         """
         c11, c12, c22 = self.plane
         e1, e2, gamma = strain
@@ -124,15 +131,16 @@ class LinearMembrane:
             taut = _non_negative(*stress)
             slack = ~taut & _non_negative(-e1, -e2, 0.5 * gamma)
             stress[:, slack] = 0.0
+            known = np.abs(strain).max(axis=0) > rounding
             if slope is not None:
-                slope[:, slack] = 0.0
+                slope[:, slack & known] = 0.0
             wrinkled = ~(taut | slack)
             rows = np.nonzero(wrinkled)[-1]
             if len(rows):
                 found = self.select(rows)._wrinkled(strain[:, wrinkled], tangents)
                 stress[:, wrinkled] = found[0]
                 if slope is not None:
-                    slope[:, wrinkled] = found[1]
+                    slope[:, wrinkled] = np.where(known[wrinkled], found[1], slope[:, wrinkled])
         return stress, slope
 
     def state(self, strain):

@@ -52,6 +52,19 @@ class Factors:
         """
         return int(np.count_nonzero(self._factors.U.diagonal() < 0.0))
 
+    def negative_direction(self):
+        """A direction v (q,) with v.A v < 0 of a symmetric matrix A = L D L^T: L^T v is the unit vector at the lowest
+        pivot. None where no pivot is below zero, or some have left the diagonal.
+        """
+        upper, order = self._factors.U.tocsr(), self._factors.perm_c
+        pivots = upper.diagonal()
+        lowest = int(np.argmin(pivots))
+        if pivots[lowest] >= 0.0 or not np.array_equal(order, self._factors.perm_r):
+            return None
+        right = np.zeros(len(pivots))
+        right[lowest] = pivots[lowest]
+        return spla.spsolve_triangular(upper, right, lower=False)[order]
+
 
 def factorised(matrix, pivot=PIVOT):
     """Factors of a sparse (q,q) matrix whose unknowns are in an order of elimination; `Singular` if it is.

@@ -281,7 +281,7 @@ def test_before_the_first_step_the_last_successful_time_is_the_start(pair):
 
 def test_fmpy_simulates_it(pair):
     path = pair[1][-1]
-    winged = pair[0].wing is not None
+    winged = pair[0].has_wing
     name = "CL" if winged else "line_force" if pair[0].has_flow else "support_force"
     rows = fmpy.simulate_fmu(str(path), stop_time=3.0, output_interval=1.0, output=[name])
     assert rows["time"].tolist() == [0.0, 1.0, 2.0, 3.0]

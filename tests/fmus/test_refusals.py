@@ -1,9 +1,13 @@
 """Values, references, types and steps that an FMU refuses: the sentence, the old value, the step after."""
 
+import ctypes
+
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
+from fmus.builder import build, own_binary
+from scenes import load
 from tests.fmus.importer import Importer
 from tests.fmus.test_adapter import DISCARD, ERROR, LOADS, responses, step
 
@@ -111,3 +115,39 @@ def test_a_step_that_does_not_go_forward_in_time_is_discarded(toy, t, dt):
         toy.slave.doStep(t, dt)
     assert toy.log[-1][1].startswith("A step from")
     assert step(toy) == 0
+
+
+@pytest.fixture(scope="module")
+def section(tmp_path_factory):
+    return build(load("typical_section"), tmp_path_factory.mktemp("garbage"), reference=False)[0]
+
+
+@pytest.mark.skipif(own_binary() is None, reason="not run: no C compiler was there when the project was installed")
+@pytest.mark.parametrize("spoil", [lambda c: b"", lambda c: b"garbage" * 99, lambda c: c[:-1], lambda c: c[:60],
+                                   lambda c: c[:-5] + bytes([c[-5] ^ 1]) + c[-4:]])  # fmt: skip
+def test_bytes_that_are_no_state_are_refused_where_they_are_read_and_the_fmu_goes_on(spoil, section):
+    with Importer(section) as fmu:
+        state = fmu.slave.getFMUstate()
+        content = fmu.slave.serializeFMUstate(state)
+        fmu.slave.doStep(0.0, 1.0)
+        with pytest.raises(FMICallException) as caught:
+            fmu.slave.deSerializeFMUstate(spoil(content))
+        assert caught.value.status == ERROR
+        assert "are not a serialised state of this FMU" in fmu.log[-1][1]
+        fmu.slave.setFMUstate(fmu.slave.deSerializeFMUstate(content))
+        fmu.slave.doStep(0.0, 1.0)
+
+
+@pytest.mark.skipif(own_binary() is None, reason="not run: no C compiler was there when the project was installed")
+@pytest.mark.parametrize("count", [2**62, 2**63, 2**64 - 1, 2**61 + 1])
+def test_more_values_than_there_is_memory_are_refused_before_any_is_touched(count, section):
+    with Importer(section) as fmu:
+        dll, values = fmu.slave.dll, (ctypes.c_double * 1)()
+        references = (ctypes.c_uint * 1)(fmu.references[fmu.names("displacement")[0]])
+        for call in (dll.fmi2GetReal, dll.fmi2SetReal):
+            assert call(ctypes.c_void_p(fmu.slave.component), references, ctypes.c_size_t(count), values) == ERROR
+            assert fmu.log[-1] == (ERROR, "More values are asked for than there is memory.")
+        state = ctypes.c_void_p()
+        assert dll.fmi2DeSerializeFMUstate(
+            ctypes.c_void_p(fmu.slave.component), b"x", ctypes.c_size_t(count | 2**63), ctypes.byref(state)
+        ) == ERROR  # fmt: skip

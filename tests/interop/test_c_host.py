@@ -1,6 +1,7 @@
 """A host in plain C couples the pair: same values, states that come back, refusals, threads, and a clean exit."""
 
 import fcntl
+import os
 from pathlib import Path
 
 import fmpy
@@ -108,6 +109,17 @@ def test_a_home_of_another_python_is_named_as_what_stops_this_one(host, wired, t
     place = environment("host-env") | {"PYTHONHOME": str(tmp_path)}
     done = program([str(host), str(wired["own"])], tmp_path, place)
     assert f"{place['KITECOSIM_PYTHON']} cannot be run with PYTHONHOME={tmp_path};" in done.stdout
+    assert done.returncode == 2
+
+
+@pytest.mark.parametrize("script", ["sleep 1000", "exec >/dev/null; sleep 1000", "(sleep 1000)& echo x; sleep 1000"])
+def test_a_python_that_hangs_is_given_up_with_a_sentence(script, host, wired, tmp_path):
+    hangs = tmp_path / "hangs"
+    hangs.write_text(f"#!/bin/sh\n{script}\n")
+    hangs.chmod(0o755)
+    place = {"PATH": os.environ["PATH"], "KITECOSIM_PYTHON": str(hangs), "KITECOSIM_PYTHON_SECONDS": "0.5"}
+    done = program([str(host), str(wired["own"])], tmp_path, place)
+    assert f"{hangs} gives no answer within 0.5 s (KITECOSIM_PYTHON_SECONDS);" in done.stdout
     assert done.returncode == 2
 
 

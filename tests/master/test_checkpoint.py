@@ -1,18 +1,19 @@
 """Checkpoint files: whole or not there, refused in one sentence where they do not fit."""
 
 import json
-import pickle
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import master
 from benchmarks.problems import in_process
 from master import restart
-from master.coupling import SCHEMES, checkpoint, scheme, solve
+from master.cli import app
+from master.coupling import SCHEMES, checkpoint, kept, scheme, solve
 from master.coupling.acceleration import IQNILS
 from master.coupling.march import march
 from tests.master.kept_runs import Interrupted, about, begun
@@ -36,7 +37,7 @@ ROOT = Path(master.__file__).parents[1]
         (lambda raw: checkpoint.MAGIC + b"{}\n", "damaged"),
         (lambda raw: checkpoint.MAGIC + b"\xff\xfe\n", "damaged"),
         (lambda raw: b"PK\x03\x04" + raw, "not a checkpoint"),
-        (lambda raw: raw.replace(b"checkpoint 3", b"checkpoint 2", 1), "was written by another version of kitecosim"),
+        (lambda raw: raw.replace(b"checkpoint 4", b"checkpoint 3", 1), "was written by another version of kitecosim"),
     ],
 )
 def test_damaged_and_foreign_files_are_refused_in_one_sentence(spoil, says, tmp_path):
@@ -144,10 +145,58 @@ def test_people_can_read_the_second_line(tmp_path):
     assert head["status"] == "under way"
 
 
-def test_every_scheme_can_be_pickled_with_its_history():
+def test_every_scheme_can_be_kept_with_its_history():
     assert set(SCHEMES) == {"explicit", "relaxation", "aitken", "iqn-ils", "iqn-imvj", "newton-krylov"}
     coupling = in_process("typical_section", wind_speed=15.0)
     for name in SCHEMES:
         used = scheme(name, coupling)
         solve(coupling, used, max_iterations=5)
-        assert type(pickle.loads(pickle.dumps(used))) is type(used)
+        twin = kept.loads(kept.dumps({"scheme": used}))["scheme"]
+        assert type(twin) is type(used)
+        assert kept.dumps({"scheme": twin}) == kept.dumps({"scheme": used})
+
+
+def crafted(path, change):
+    """A checkpoint whose content somebody has changed, with the right SHA-256."""
+    about, content = checkpoint.read(path)
+    about = json.loads(path.read_bytes().split(b"\n")[1])
+    about.pop("sha256")
+    change(about, content)
+    checkpoint.write(path, about, content)
+
+
+CHANGES = {
+    "head": lambda about, content: about.update(scene_settings=[1]),
+    "time": lambda about, content: about.update(coupling_iterations="many"),
+    "parameters": lambda about, content: about.update(parameters=5),
+    "scheme": lambda about, content: about.update(scheme=["x"]),
+    "states": lambda about, content: content["participants"].update(states={"structural": b"x", "aero": b""}),
+    "clock": lambda about, content: content["participants"].update(clock="noon"),
+    "blocks": lambda about, content: content["participants"].update(blocks=3),
+    "search": lambda about, content: content.update(search={"x": 1}),
+    "unknowns": lambda about, content: setattr(content["search"], "x", np.zeros(3)),
+    "order": lambda about, content: setattr(content["search"], "order", 7),
+    "nothing": lambda about, content: content.clear(),
+    "best": lambda about, content: content.update(best={"states": {"structural": b"PK"}, "clock": None}),
+    "class": lambda about, content: content.update(search=kept.Kept("subprocess:Popen", {"args": "x"})),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_crafted_checkpoints_are_refused_in_one_sentence_and_run_nothing(change, tmp_path):
+    path, out = tmp_path / "kept.checkpoint", tmp_path / "out"
+    words = ["run", "typical_section", "--backend", "in-process", "--no-report", "--out", str(out)]
+    assert CliRunner().invoke(app, [*words, "--checkpoint", str(path)]).exit_code == 0
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    crafted(path, CHANGES[change])
+    refused = CliRunner().invoke(app, [*words, "--restart", str(path)])
+    assert refused.exit_code == 2, refused.output
+    assert isinstance(refused.exception, SystemExit), refused.exception
+    assert len(refused.output.strip().splitlines()) == 1
+    assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+
+
+def test_an_object_of_another_package_never_comes_of_a_checkpoint():
+    for kind in ("subprocess:Popen", "tempfile:_TemporaryFileCloser", "master.cli:typer", "master:IQNILS"):
+        with pytest.raises(ValueError, match="there is no class"):
+            kept.loads(kept.dumps(kept.Kept(kind, {})))

@@ -137,7 +137,12 @@ def test_the_checkpoint_of_an_earlier_run_goes_when_another_begins(fails, tmp_pa
     bad = gone(tmp_path) if fails else ["--set", "no_such_thing=1"]
     result = cli(*words, *bad, "--out", tmp_path / "b")
     assert result.exit_code == (1 if fails else 2), result.output
-    assert kept.exists() != fails  # bad input leaves it, a run that fails before its first checkpoint does not
+    assert kept.exists() != fails  # bad input leaves it where it is
+    earlier = tmp_path / "a.ckp.earlier"
+    assert earlier.exists() == fails  # a run that fails before its first checkpoint has put it aside
+    if fails:
+        assert cli(*words, "--restart", earlier, "--out", tmp_path / "c").exit_code == 0
+        assert not earlier.exists()  # as there is a newer one
 
 
 def test_the_checkpoint_that_a_run_continues_from_stays_until_the_next(tmp_path):
@@ -187,4 +192,4 @@ def test_bad_input_leaves_the_fmus_of_the_run_before_with_its_results(scene, tmp
     assert cli(*words, "--set", "wind_speed=7").exit_code == 0
     assert all(p.read_bytes() != before[p] for p in (out / "fmus").glob("*_aero.fmu"))
     assert cli(*words, "--backend", "in-process").exit_code == 0
-    assert not list((out / "fmus").iterdir())
+    assert not list(out.glob("fmus/*"))

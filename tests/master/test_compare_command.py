@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import master.studies.files
 from master.cli import app
 from master.coupling.schemes import SCHEMES, Kind
+from master.report.results_folder import MARKER
 
 ROOT = Path(__file__).parents[2]
 
@@ -28,7 +29,7 @@ def test_command_prints_a_table_a_scene_and_names_its_files(tmp_path):
     assert titles == ["typical_section wind_speed=5", "typical_section wind_speed=10"]
     assert first.stdout.count("iqn-ils") == 2
     named = first.stdout.rpartition("written: ")[2].strip().replace(f"{tmp_path}/", "").split(", ")
-    assert sorted([*named, "cells"]) == sorted(p.name for p in tmp_path.iterdir())
+    assert sorted([*named, "cells", MARKER]) == sorted(p.name for p in tmp_path.iterdir())
     again = run(tmp_path, "typical_section", "--sweep", "wind_speed=5,10,15", "--schemes", "explicit,iqn-ils")
     assert f"4 of 6 cells were there already, in {tmp_path}/cells" in again.stdout
     assert "there already" not in first.stdout
@@ -125,7 +126,7 @@ def test_without_the_libraries_there_are_tables_and_a_remark(tmp_path, monkeypat
     monkeypatch.setattr(master.studies.files, "find_spec", lambda name: None)
     done = run(tmp_path, "typical_section", "--schemes", "aitken")
     assert "pip install 'kitecosim[report]'" in done.stdout
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["cells", "compare.csv", "compare.json", "compare.md"]
+    assert sorted(p.name for p in tmp_path.glob("[!.]*")) == ["cells", "compare.csv", "compare.json", "compare.md"]
 
 
 def test_interrupt_keeps_the_finished_cells_and_ends_with_130(tmp_path):
@@ -142,6 +143,7 @@ def test_interrupt_keeps_the_finished_cells_and_ends_with_130(tmp_path):
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130, errors
     assert errors.splitlines() == [
-        f"kitecosim: interrupted; finished cells are in {tmp_path}/cells, and the same command continues from there."
+        f"kitecosim: interrupted; finished cells are in {tmp_path}/cells, and the same command continues from there; "
+        "tables of an earlier comparison stay."
     ]
     assert len(list(tmp_path.glob("cells/*"))) == 1

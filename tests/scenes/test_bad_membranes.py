@@ -85,6 +85,10 @@ SHEETS = {
     "pattern of an element that is not there": (
         'patterns = "cut.csv"', ISOTROPIC, FRAME, {"cut_csv": PATTERN + "700,1.0,1.0,1.0\n"}, ["cut.csv row 2", "700"],
     ),
+    "two patterns of an element": (
+        'patterns = "cut.csv"', ISOTROPIC, FRAME, {"cut_csv": PATTERN + "7,0.5,0.4,0.4\n7,0.5,0.4,0.4\n"},
+        ["cut.csv row 3", "element 7", "earlier row"],
+    ),
     "patterns of second order": (
         'patterns = "cut.csv"\norder = 2', ISOTROPIC, FRAME, {"cut_csv": PATTERN + "7,1,1,1\n"}, ["order 1"],
     ),
@@ -133,6 +137,15 @@ def test_a_size_that_makes_no_mesh_is_refused_in_one_sentence(tmp_path, case):
     assert sentence.startswith("sheet/scene.toml: [membranes.size]")
     for word in words:
         assert word in sentence
+
+
+def test_sizes_that_look_like_mm_are_refused_unless_they_are_said_to_be_m(tmp_path):
+    def wide(keys=""):
+        return written(tmp_path, rectangle(length=3000.0, width=2000.0, keys=keys, more=FRAME))
+
+    sentence = refused(wide())
+    assert "rectangle is 3000 m across: its lengths look like mm; give sizes and profiles in m" in sentence
+    scenes.load(wide('unit = "m"')).cores()
 
 
 def of_file(tmp_path, nodes, elements, names=(), keys="", more=""):

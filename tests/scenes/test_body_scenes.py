@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import scenes
+from interface import area_vectors
 from master import polar
+from master.cli import app
 from tests.scenes.broken import copy_of, edited
 from tests.scenes.rigid import V3
 
@@ -100,6 +103,18 @@ def test_derivatives_of_a_swept_wing_are_those_of_one():
     assert d.static_margin > 0.0
     assert d.by_beta["Cl"] < 0.0
     assert 2.5 < d.by_alpha["CL"] < 2.0 * np.pi  # of an aspect ratio of 5 and 45 degrees of sweep
+
+
+def test_the_plot_of_a_run_shows_the_panels_that_are_seen_in_the_colours_of_their_loads(tmp_path):
+    words = ["run", "swept_wing", "--set", "variant=sketch", "--backend", "in-process", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    text = (tmp_path / "shape.svg").read_text()
+    drawn = [part.split("</g>")[0].count("<path") for part in text.split('<g id="body">')[1:]]
+    mesh = scenes.load("swept_wing", {"variant": "sketch"}).interface
+    normals = area_vectors(mesh.nodes[mesh.panels])
+    seen = [np.count_nonzero(normals @ view > 0.0) for view in ([-1.0, 0, 0], [0, -1.0, 0], [0, 0, 1.0])]
+    assert drawn == seen  # from upwind, from the left, from above
 
 
 # what is wrong: (old, new, words that the message must hold)

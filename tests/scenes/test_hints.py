@@ -147,10 +147,11 @@ def test_a_run_that_loses_its_symmetry_says_why_and_leaves_foreign_files_alone(t
     foreign = tmp_path / "out" / "fmus" / "glider_aero.fmu"
     own = tmp_path / "out" / "fmus" / "v3_kite_aero.fmu"
     foreign.parent.mkdir(parents=True)
-    for path in (foreign, own):
-        path.write_text("of an earlier run")
-    words = ["run", str(folder), "--backend", "in-process", "--no-report", "--out", str(tmp_path / "out")]
-    done = CliRunner().invoke(app, [*words, "--max-iterations", "3"])
+    foreign.write_text("of somebody else")
+    words = ["run", str(folder), "--no-report", "--out", str(tmp_path / "out"), "--max-iterations", "3"]
+    assert CliRunner().invoke(app, words).exit_code == 1
+    assert own.exists()
+    done = CliRunner().invoke(app, [*words, "--backend", "in-process"])
     assert done.exit_code == 1
     assert "not symmetric: rest length of A5_right is 2.783" in " ".join(done.output.split())
     assert (foreign.exists(), own.exists()) == (True, False)

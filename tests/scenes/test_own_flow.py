@@ -134,7 +134,7 @@ def test_two_outputs_of_one_name_are_refused(plate):
 
 def test_helpers_among_the_methods_are_no_methods(plate):
     plate()
-    with pytest.raises(SceneError, match="method must be one of: lift, vortex-step"):
+    with pytest.raises(SceneError, match="method must be one of: lift, panel, vortex-step"):
         plate(name="_shared")
 
 

@@ -19,6 +19,7 @@ from structural import (
     mirror_permutation,
     surface_forces,
 )
+from structural.assembly import MANY, Scatter, pattern
 from structural.elements.chains import chain_forces
 from tests.structural.models import (
     TANGENT_TOLERANCE,
@@ -282,3 +283,27 @@ def test_surface_that_is_not_mirror_symmetric_is_refused_for_the_half_model():
     asymmetric = Structure(s.nodes, s.fixed, s.groups, panels)
     with pytest.raises(ValueError, match="not mirror-symmetric"):
         Assembly(asymmetric, mirror)
+
+
+@pytest.mark.parametrize("count", [MANY - 1, MANY, 3 * MANY])
+def test_scattered_values_are_summed_in_the_order_of_the_elements_to_the_last_bit(count):
+    rng = np.random.default_rng(count)
+    size = count // 4
+    target, sign = rng.integers(0, size + 1, count), rng.choice([-1.0, 1.0, 2.0], count)
+    values = rng.normal(size=(count, 1)) * 10.0 ** rng.integers(-8, 8, (count, 1))
+    sums = [0.0] * (size + 1)
+    for place, s, v in zip(target, sign, values[:, 0], strict=True):
+        sums[place] += s * v
+    assert np.array_equal(Scatter(target, sign, size)(values), sums[:size])  # pads are left out
+
+
+@pytest.mark.parametrize("n", [0, 1, 7, 300])
+def test_a_pattern_has_every_entry_inside_once_with_rising_keys(n):
+    rng = np.random.default_rng(n)
+    rows, columns = rng.integers(-1, max(n, 0), (2, 5 * n))
+    keys, where = pattern(rows, columns, n)
+    inside = (rows >= 0) & (columns >= 0)
+    assert np.all(np.diff(keys) > 0)
+    assert np.array_equal(keys[where[inside]], columns[inside] * n + rows[inside])
+    assert set(where[inside]) == set(range(len(keys)))
+    assert np.all(where[~inside] == len(keys))

@@ -57,6 +57,16 @@ def test_negative_pivots_count_negative_eigenvalues():
         assert linear.factorised(shifted, pivot=0.0).negative_pivots() == expected
 
 
+def test_a_negative_direction_curves_down():
+    a = laplacian(12, asymmetry=0.0)
+    values = np.linalg.eigvalsh(a.toarray())
+    for shift in (0.5 * (values[2] + values[3]), 0.5 * (values[0] + values[1])):
+        shifted = sp.csc_array(a - shift * sp.eye_array(144))
+        v = linear.factorised(shifted, pivot=0.0).negative_direction()
+        assert v @ (shifted @ v) < 0.0
+    assert linear.factorised(a, pivot=0.0).negative_direction() is None
+
+
 @needs_pardiso
 @pytest.mark.parametrize(("ratio", "two_way"), [(0.5, True), (0.5, False), (0.9, False)])
 def test_net_has_one_equilibrium_whatever_the_solver(monkeypatch, ratio, two_way):

@@ -154,3 +154,22 @@ def test_materials_that_do_not_exist_are_refused_with_their_values(values, sente
 def test_poissons_ratio_of_an_isotropic_membrane_has_limits():
     with pytest.raises(ValueError, match=r"number 2 has nu = 1; .* between -1 and 1"):
         isotropic_membrane(np.ones(2), np.array([0.3, 1.0]))
+
+
+def test_at_rest_the_tangent_is_taut_whatever_rounding_makes_of_the_strain():
+    law = membranes(3.0, 0.4, 400)
+    strain = 1e-16 * np.random.default_rng(3).normal(size=(3, 400))
+    assert set(law.state(strain)) == {SLACK, WRINKLED, TAUT}
+    stress, slope = law.response(strain, rounding=1e-14)
+    c11, c12, c22 = law.plane
+    np.testing.assert_array_equal(slope, np.stack([c11, c12, 0 * c11, c22, 0 * c11, law.G]))
+    np.testing.assert_array_equal(stress, law.response(strain)[0])  # the stress is the projection all the same
+    far = 1e3 * strain
+    np.testing.assert_array_equal(law.response(far, rounding=1e-14 * 1e-3)[1], law.response(far)[1])
+
+
+def test_a_scaled_membrane_has_the_scaled_stress():
+    law = membranes(30.0, 0.05, 300)
+    strain = np.random.default_rng(4).uniform(-1, 1, (3, 300))
+    factor = np.linspace(0.1, 2.0, 300)
+    np.testing.assert_allclose(law.scaled(factor).response(strain)[0], factor * law.response(strain)[0], atol=1e-14)

@@ -308,3 +308,28 @@ def test_a_structure_without_membranes_loads_none_of_their_code():
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     assert not done.stdout.split()
+
+
+@pytest.mark.parametrize("m", [3, 6])
+def test_at_rest_anywhere_in_space_tangents_are_those_of_a_taut_sheet(m):
+    nodes, triangles = rectangle((6, 4), (1.5, 1.0), crossed=True)
+    if m == 6:
+        nodes, triangles, _ = quadratic(nodes, triangles)
+    x = nodes @ rotation(np.array([0.3, -0.8, 0.5])).T + np.array([3.0, -2.0, 5.0])
+    wrinkling, taut = (isotropic(x, triangles, 1e5, 0.3, wrinkles=on) for on in (True, False))
+    assert len(set(wrinkling.law.state(wrinkling.strains(x)).ravel())) > 1  # by chance
+    at = Configuration(x)
+    stiff = wrinkling.forces_and_tangents(at)[1]
+    # what rounding leaves of stress, 1e-13 of the modulus, is in the one and not in the other
+    np.testing.assert_allclose(stiff, taut.forces_and_tangents(at)[1], atol=1e-11 * np.abs(stiff).max())
+
+
+def test_softened_fabric_is_in_series_with_a_spring_as_wide_as_it_is():
+    # E h' = E h P / (P + E h b): a load P over the width b stretches a soft fabric to about twice its length
+    nodes, triangles = rectangle((4, 4), (2.0, 2.0))
+    group, stiff = isotropic(nodes, triangles, 1e5, 0.0), isotropic(nodes, triangles, 1e5, 0.0, wrinkles=False)
+    assert group.softenable() == pytest.approx(1e5 * 2.0)
+    np.testing.assert_allclose(group.softened(10.0).law.E1, 1e5 * 10.0 / (10.0 + 1e5 * 2.0))
+    np.testing.assert_allclose(group.softened(10.0).law.nu12, 0.0)
+    assert stiff.softenable() == 0.0  # what may push is kept from buckling by its stiffness
+    assert stiff.softened(10.0) is stiff

@@ -134,14 +134,30 @@ def test_a_sheared_panel_carries_a_quarter_of_the_modulus_along_wrinkles_at_45_d
     found = equilibrium(Assembly(s), Loads(np.zeros_like(x)), x, atol=1e-9 * 0.25 * shear * stiffness * 6.0)
     assert found.converged
     assert found.unstable_modes == 0  # wrinkles are not an instability
-    if ends == "held":  # free ends are slack, and their nodes drift under nothing but rounding
-        assert quadratic_tail(found, group, found.x)
+    last = found if ends == "held" else again_without_loose_nodes(s, group, found.x)
+    assert quadratic_tail(last, group, found.x)
     state = membrane_state(group, found.x)
     middle = np.abs(nodes[triangles].mean(axis=1)[:, 0] - 3.0) < 1.0
     tau = state.stress[:, 0] * state.direction[:, 0] * state.direction[:, 1]
     assert tau[middle] == pytest.approx(0.25 * stiffness * shear, rel=1e-2)
     assert np.degrees(np.arctan(state.direction[:, 1] / state.direction[:, 0]))[middle] == pytest.approx(45.0, abs=0.45)
     assert np.abs(state.stress[middle, 1]).max() <= 1e-12 * stiffness
+
+
+def again_without_loose_nodes(s, group, x):
+    """The equilibrium from 10 um around it, with the nodes held that no element pulls at with a
+    millionth of the stress: nothing decides where these are, and they drift under what the tolerance leaves.
+    """
+    stress, loose = membrane_state(group, x).stress[:, 0], np.ones(len(x), bool)
+    loose[group.nodes[stress > 1e-6 * stress.max()]] = False
+    fixed = s.fixed | loose[:, None]
+    assert 0 < loose.sum() < 20
+    start = np.where(fixed, x, x + 1e-5 * np.random.default_rng(0).standard_normal(x.shape))
+    held = Structure(x, fixed, (group,))
+    found = equilibrium(Assembly(held), Loads(np.zeros_like(x)), start, atol=1e-9)
+    assert found.converged
+    assert np.abs(found.x - x).max() <= 1e-8  # the same place
+    return found
 
 
 @pytest.mark.parametrize("moment", [0.1, 0.2, 0.3, 0.4])
@@ -204,6 +220,7 @@ def bent_tube():
             out[moment] = found.status, 0
             continue
         x, rotations = found.x, found.rotations
+        assert quadratic_tail(found, skin, x)
         turn = np.arctan2(rotations[0][2, 0], rotations[0][0, 0])
         wrinkled = int((membrane_state(skin, x).state[away] < TAUT).sum())
         out[moment] = turn * 4e6 / (half * pressure), wrinkled
@@ -231,7 +248,8 @@ def test_an_inflated_tube_collapses_under_pi_p_r_cubed(bent_tube):
 # The airbag
 
 
-@pytest.fixture(scope="module", params=[2, 4, 6, 10, 16])
+# 17 to 30: once to other folds by rounding, to a saddle, through the planes of symmetry
+@pytest.fixture(scope="module", params=[2, 4, 6, 8, 10, 16, 17, 18, 28, 30])
 def bag(request):
     nodes, fixed, group = airbag(request.param)
     return group, *inflated(nodes, fixed, group, 5000.0)
@@ -246,12 +264,27 @@ def test_an_airbag_is_inflated_from_its_flat_start(bag):
     assert found.unstable_modes == 0
     assert quadratic_tail(found, group, found.x)
     fine = len(group) >= 400
+    assert found.x.min() >= 0.0  # it does not pass through its planes of symmetry
     # to which of several folds of its rim it comes decides the last two tenths of a millimetre
     assert found.x[0, 2] == pytest.approx(AIRBAG_HEIGHT, abs=0.3e-3 if fine else 0.6e-3)
     stress = principal(group, found.x)
     centre = stress[0, 0, (group.nodes == 0).any(axis=1)].mean() / THICKNESS
     assert centre == pytest.approx(AIRBAG_STRESS, abs=0.05e6 if fine else 0.1e6)
     assert stress[1].min() >= -1e-9 * stress[0].max()
+
+
+@pytest.mark.parametrize(("cells", "height"), [(3, 0.21765), (5, 0.21480)])
+def test_a_coarse_airbag_that_is_off_has_one_equilibrium(cells, height):
+    # 2.4 mm and 0.4 mm are the error of the mesh: no start leads elsewhere
+    nodes, fixed, group = airbag(cells)
+    first, *_ = inflated(nodes, fixed, group, 5000.0)
+    assert first.x[0, 2] == pytest.approx(height, abs=1e-5)
+    rng = np.random.default_rng(0)
+    for size in (1e-3, 1e-2, 3e-2, 5e-2, 5e-2, 5e-2):
+        start = nodes + size * rng.standard_normal(nodes.shape)
+        found, *_ = inflated(nodes, fixed, group, 5000.0, start=start)
+        assert found.converged
+        assert found.x == pytest.approx(first.x, abs=1e-8)  # 1e-9 of the load over the least stiffness
 
 
 def test_a_warm_start_takes_few_newton_iterations():

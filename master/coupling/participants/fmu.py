@@ -4,11 +4,11 @@ An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one 
 """
 
 import contextlib
+import errno
 import itertools
 import os
-import shutil
-import tempfile
 import weakref
+import zipfile
 from collections import deque
 from collections.abc import Mapping, Sequence
 from ctypes import byref, c_char, c_char_p, c_size_t, c_uint, c_void_p
@@ -22,6 +22,7 @@ from fmpy.logging import addLoggerProxy
 
 from interface import StepFailed
 from master.coupling.participants.blocks import Blocks, Channel, described_limits, grouped
+from master.coupling.participants.private_folder import PrivateFolder
 
 # fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
 # lives for ever, and finds the participant by the environment pointer that FMI hands through.
@@ -31,19 +32,34 @@ _NUMBERS = itertools.count(1)
 
 def _hear(environment: int, _instance: bytes, status: int, _category: bytes, message: bytes) -> None:
     participant = _LISTENERS.get(environment)
-    if participant is not None and message is not None:
-        participant.hear(status, message.decode("utf-8", "replace"))
+    try:
+        if participant is not None and message is not None:
+            participant.hear(status, message.decode("utf-8", "replace"))
+    except KeyboardInterrupt:  # C cannot hand it on
+        if participant is not None:
+            participant.interrupted = True
 
 
 _LOGGER = fmi2CallbackLoggerTYPE(_hear)
 _PROXIED = fmi2CallbackFunctions()
 _PROXIED_POINTER = byref(_PROXIED)
+LARGEST = 4 * 2**30  # bytes of an FMU that is unpacked
 _WARNING, _DISCARD, _ERROR, _FATAL = 1, 2, 3, 4  # fmi2Status
 
 
 def _needed(path: str) -> bool:
     """Whether a file of an FMU is of use here: the binaries of other platforms are not."""
     return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
+
+
+def require_size(path: str | Path) -> None:
+    """ValueError in one sentence for an FMU that is larger than LARGEST when it is unpacked: a few kB can be made to
+    fill any disk. zipfile takes no more of an entry than it declares.
+    """
+    with zipfile.ZipFile(path) as file:
+        size = sum(entry.file_size for entry in file.infolist() if _needed(entry.filename))
+    if size > LARGEST:
+        raise ValueError(f"it takes {size / 2**30:.3g} GiB unpacked, more than {LARGEST / 2**30:g}")
 
 
 class FMU2Sparse(FMU2Slave):  # fmpy tells the version of FMI by the first letters of the name
@@ -80,10 +96,10 @@ class FmuParticipant(Blocks):
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
         if not Path(path).is_file():
             raise ValueError(f"There is no FMU {path}.")
-        self._folder = tempfile.mkdtemp(prefix="fmu_")
-        self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._private = PrivateFolder()
+        self._folder = str(self._private.path)
         self._states: dict[int | None, c_void_p] = {}
-        self._initialised = False
+        self._initialised = self.interrupted = False
         self._fmu: Any = None  # of fmpy, while it is alive
         self._end = "is closed."
         try:
@@ -105,12 +121,19 @@ class FmuParticipant(Blocks):
     def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
         """Unpack, describe and instantiate."""
         try:
+            require_size(path)
             extract(str(path), self._folder, include=_needed)
             description = read_model_description(self._folder, validate=False)
+        except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+                why = str(error.strerror).lower()
+                raise ValueError(f"{path} cannot be unpacked in {self._folder} ({why}); make room there.") from error
+            raise ValueError(f"{path} is not a readable FMU: {error}") from error
         except Exception as error:
             raise ValueError(f"{path} is not a readable FMU: {error}") from error
         if description.fmiVersion != "2.0" or description.coSimulation is None:
             raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
+        self.guid = str(description.guid)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
         variables = {variable.name: variable for variable in description.modelVariables}
@@ -164,6 +187,9 @@ class FmuParticipant(Blocks):
             self._fmu = None  # no further call is allowed, not even the one that frees it
             self._end = f"ended with fmi2Fatal: {self._reason or 'no reason logged'}"
             raise RuntimeError(f"{self.name} {self._end}")
+        if self.interrupted or self._reason.startswith("KeyboardInterrupt"):  # in code of Python that the FMU runs
+            self.interrupted = False
+            raise KeyboardInterrupt
         return status
 
     def _require(self, function: Any, *arguments: Any) -> None:
@@ -194,8 +220,6 @@ class FmuParticipant(Blocks):
         """See Participant."""
         status = self._call(self._step, self._component, t, dt, not self.saves_state)
         if status > _WARNING:
-            if self._reason.startswith("KeyboardInterrupt"):
-                raise KeyboardInterrupt
             raise StepFailed(self._reason or f"{self.name} returned status {status} from fmi2DoStep")
 
     def get(self, block: str) -> np.ndarray:
@@ -259,4 +283,4 @@ class FmuParticipant(Blocks):
                 self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
             self._fmu.freeLibrary()
         self._fmu = None
-        self._remove()
+        self._private.close()

@@ -1,12 +1,11 @@
 """A solver core in this process as a participant."""
 
-import pickle
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from interface import StepFailed
+from interface import StepFailed, records
 from master.coupling.participants.blocks import Blocks, Limits
 
 
@@ -66,10 +65,10 @@ class InProcessParticipant(Blocks):
     def serialised(self, state: Any) -> bytes:
         """See Participant."""
         try:
-            return pickle.dumps(state, protocol=5)
-        except (pickle.PicklingError, TypeError, AttributeError) as error:
+            return records.dumps(state)
+        except TypeError as error:
             raise ValueError(f"{self.name}: its state cannot be written to a file: {error}") from error
 
     def deserialised(self, data: bytes) -> Any:
         """See Participant."""
-        return pickle.loads(data)
+        return records.loads(data)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from master.coupling.participants.blocks import assignment_text
+from master.report.results_folder import ResultsFolder
 from master.report.tables import versions
 from master.studies.polar.angles import MOST, checked
 from master.studies.polar.derivatives import Derivatives, NoDerivatives, derivatives
@@ -59,6 +60,7 @@ def polar(
     warm: bool = True,
     out: str | Path | None = None,
     report: bool = True,
+    force: bool = False,
     progress: Progress | None = None,
 ) -> Polar:
     """The polar of the wing of a scene, rigid: all angles of attack `alpha` deg at each sideslip `beta` deg.
@@ -68,7 +70,8 @@ def polar(
     about (None: the pivot of a kite, [aero] reference_point, or the origin). With `with_derivatives` stability
     derivatives at the angle without a pitching moment, or at `derivatives_at` deg. `warm`: points start from the state
     of the one before. A point without an answer has a status and a message. With `out` tables and, if `report`, plots
-    are written. `progress(done, total, point)` is called first with None, then after every point.
+    are written into this folder, whole or not at all; `force`: also over files of others.
+    `progress(done, total, point)` is called first with None, then after every point.
 
     ValueError in one sentence for bad input. Angles, signs and coefficients are in docs/polar.md.
     """
@@ -79,10 +82,26 @@ def polar(
         checked("alpha", [derivatives_at])
     assigned = {key: assignment_text(value) for key, value in (settings or {}).items()}
     wing = RigidWing(str(scene), assigned, about, None if shape is None else Path(shape), warm)
-    if out is not None:
-        from master.studies.polar.files import begin
+    if out is None:
+        return _solved(wing, alphas, betas, with_derivatives, derivatives_at, progress)
+    from master.studies.polar.files import FILES, write_polar
 
-        begin(Path(out))
+    with ResultsFolder(Path(out), FILES, "polar", force) as results:
+        found = _solved(wing, alphas, betas, with_derivatives, derivatives_at, progress)
+        write_polar(results.path, found, report)
+        results.place()
+    return found
+
+
+def _solved(
+    wing: RigidWing,
+    alphas: list[float],
+    betas: list[float],
+    with_derivatives: bool,
+    derivatives_at: float | None,
+    progress: Progress | None,
+) -> Polar:
+    """The polar of a wing, with its derivatives where they are wanted."""
     points = _swept(wing, alphas, betas, progress or (lambda done, total, point: None))
     found, lacking = None, ""
     if with_derivatives or derivatives_at is not None:
@@ -95,19 +114,14 @@ def polar(
         "scene_settings": wing.scene.settings,
         "parameters_set": {name: np.asarray(value).tolist() for name, value in wing.parameters.items()},
         "parameters": wing.parameter_values(),
-        "shape": "design" if shape is None else str(shape),
-        "warm": warm,
+        "shape": "design" if wing.shape is None else str(wing.shape),
+        "warm": wing.warm,
         "versions": versions(),
     }
-    result = Polar(
+    return Polar(
         wing.scene.title, wing.scene.wing_model.title, points, wing.reference, wing.units, wing.descriptions, found,
         lacking, used,
     )  # fmt: skip
-    if out is not None:
-        from master.studies.polar.files import write_polar
-
-        write_polar(Path(out), result, report)
-    return result
 
 
 def _swept(wing: RigidWing, alphas: Sequence[float], betas: Sequence[float], progress: Progress) -> list[Point]:

@@ -30,6 +30,7 @@ def polar_scene(
     derivatives_at: float | None = None,
     warm: bool = True,
     report: bool = True,
+    force: bool = False,
 ) -> int:
     """Solve a polar, print its table, write its files; the exit code."""
     given = {"alpha": angles("--alpha", alpha), "beta": angles("--beta", beta)}
@@ -38,7 +39,7 @@ def polar_scene(
         found = polar(
             name, **given, settings=assigned, about=None if about is None else _point(about), shape=shape,
             with_derivatives=with_derivatives, derivatives_at=derivatives_at, warm=warm, out=out, report=report,
-            progress=progress,
+            force=force, progress=progress,
         )  # fmt: skip
     print_polar(found)
     print_written(out, [file for file in FILES if (out / file).exists()], lacking(report))

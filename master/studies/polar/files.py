@@ -6,8 +6,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from master.commands import results_folder
-from master.report.record import clear_leftovers
 from master.report.tables import plain, write_json, write_whole
 
 if TYPE_CHECKING:
@@ -30,16 +28,6 @@ def lacking(report: bool) -> str:
     if not report or find_spec("matplotlib") is not None:
         return ""
     return "no plots, because matplotlib is not installed; pip install 'kitecosim[report]' brings it."
-
-
-def begin(out: Path) -> None:
-    """Make the folder and remove files of an earlier polar, so that none is taken for those of this one."""
-    results_folder(out)
-    if folders := [name for name in FILES if (out / name).is_dir()]:
-        raise ValueError(f"--out {out} has a folder where {folders[0]} should go; name another folder.")
-    clear_leftovers(out, FILES)
-    for name in FILES:
-        (out / name).unlink(missing_ok=True)
 
 
 def write_polar(out: Path, found: "Polar", report: bool = True) -> None:

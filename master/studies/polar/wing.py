@@ -97,7 +97,7 @@ class RigidWing:
             if parameter in assigned:
                 raise ValueError(f"a polar takes no {parameter}: {why}; leave it out.")
         self.scene, self.parameters, cores = assigned_cores(name, dict(assigned), _flow_alone)
-        self._core, self._warm = cores["aero"], warm
+        self._core, self.warm, self.shape = cores["aero"], warm, shape
         displacement, azimuth = (None, 0.0) if shape is None else shape_of(shape, self.scene)
         if displacement is not None:
             self._core.set("displacement", displacement)
@@ -143,7 +143,7 @@ class RigidWing:
     def _solved(self, direction: np.ndarray) -> str:
         """Solve for a wind to the `direction` (3,) in the axes of the wing; "" or why there is no answer."""
         reason = ""
-        for cold in (False, True) if self._warm else (True,):
+        for cold in (False, True) if self.warm else (True,):
             if cold:
                 self._core.restore(self._start)
             self._core.set("wind_direction", self.reference.axes @ direction)
