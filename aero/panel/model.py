@@ -274,8 +274,9 @@ class PanelModel(AeroModel):
         """The solver of the half or of the whole wing; there is one at a time, for its memory."""
         if self._solver is None or self._solver[0] != symmetric:
             self._solver = None
-            body = self._half.body if symmetric else self._body
-            self._solver = symmetric, PanelSolver(body)
+            half = self._half
+            of_half = (half.body, self._body, half.panels) if symmetric else (self._body,)
+            self._solver = symmetric, PanelSolver(*of_half)
         return self._solver[1]
 
     def _strengths(self, case, state):

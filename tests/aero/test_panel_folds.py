@@ -1,6 +1,7 @@
 """Folded wings: their points do not jump where a fold becomes a crease, and a half is the half of the whole."""
 
 import numpy as np
+import pytest
 
 from tests.aero.closed_wings import flow, panel_model, values, wing
 
@@ -27,3 +28,17 @@ def test_lift_goes_smoothly_through_the_angle_at_which_folds_become_creases():
     assert np.abs(np.diff(far, 3)).max() < 1e-4 * far.mean()
     # velocities are not averaged across a crease, of which the pressures at the fold know
     assert np.abs(np.diff(by_pressure)).max() < 0.01 * by_pressure.mean()
+
+
+@pytest.mark.parametrize(
+    "angles", [{"sweep": 45.0}, {"sweep": 50.0}, {"dihedral": 20.0, "sweep": 30.0}, {"dihedral": 50.0}]
+)
+def test_one_half_of_a_folded_wing_gives_the_loads_of_the_whole(angles):
+    surface = wing(5, 24, **{name: np.deg2rad(angle) for name, angle in angles.items()})
+    model = panel_model(surface)
+    half, whole = (model.solve(flow(surface), values(model, symmetric=on)) for on in (1.0, 0.0))
+    assert half.symmetric
+    assert not whole.symmetric
+    # residuals of 1e-10 times the condition of the equations
+    for name, scale in (("pressure_lift", 360.0), ("trefftz_lift", 360.0), ("pressure_coefficient", 1.0)):
+        np.testing.assert_allclose(half.outputs[name], whole.outputs[name], rtol=0, atol=1e-8 * scale, err_msg=name)
