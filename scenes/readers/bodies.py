@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from aero.panel.bodies import Body, BodyError
+from interface.topology import agreed, listed
 
 from ..builders.profiles import Profile, cst, naca
 from ..builders.wings import BoxWing, ClosedSurface, Planform, Stations, lofted, mirrored_wing, span_shares
@@ -66,7 +67,19 @@ def _checked(where: str, surface: ClosedSurface, numbers: np.ndarray | None = No
     except BodyError as error:
         told = str(error) if numbers is None else error.called("element", numbers)
         raise SceneError(f"{where}: {told}") from None
-    return replace(surface, trailing_edges=body.trailing[:, 2:])
+    remarks = surface.remarks
+    if numbers is not None and len(left := body.unnamed(surface.nodes)):
+        remarks += (_of_unnamed(where, numbers[left]),)
+    return replace(surface, trailing_edges=body.trailing[:, 2:], remarks=remarks)
+
+
+def _of_unnamed(where: str, elements: np.ndarray) -> str:
+    """The remark on sharp edges with the `elements` (k,2) on their sides that are left out of the trailing edges."""
+    edges = agreed(len(elements), "edge continues", "edges continue")
+    return (
+        f"{where}: {len(elements)} sharp {edges} the trailing edges without being named one (at the "
+        f"element{listed(np.unique(elements))}): no wake leaves there; add what is missing to the group of lines"
+    )
 
 
 def _required(where: str, given: BodyInput, needed: tuple[str, ...], known: tuple[str, ...], what: str) -> list[Any]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aero.panel.bodies import Body, BodyError
+from interface.topology import listed
 from scenes.schema import SceneError
 from tests.aero.closed_shapes import cube, ellipsoid, half_fin, turned_over, wing, with_image
 from tests.scenes.body_scenes import BOX, HEADER, WING, body
@@ -337,3 +338,22 @@ def test_volumes_and_second_order_are_no_panels(tmp_path):
     msh2(tmp_path / "wing" / "w.msh", SHAPE.nodes, [(1, (1, 2, 3, 4, 5, 6))])
     with pytest.raises(SceneError, match="element 1 is of the type triangle6; a body has triangles of three and quads"):
         body(tmp_path, 'shape = "mesh-file"\nmesh = "w.msh"\n')
+
+
+def test_a_trailing_edge_without_mirror_image_has_no_half_and_its_continuation_is_told_by_its_elements(tmp_path):
+    """TE leads from the left tip to the right one; the elements of panels begin behind the lines of the group."""
+    right = TE[len(TE) // 2 :]
+    with pytest.raises(BodyError, match=r"trailing edges 1, 2 and 3 \(at the panels .*\) have no mirror image among"):
+        Body.of(SHAPE.nodes, SHAPE.panels, right).half(SHAPE.nodes)
+    Body.of(SHAPE.nodes, SHAPE.panels, TE).half(SHAPE.nodes)
+    text = 'shape = "mesh-file"\nmesh = "w.msh"\ntrailing_edges = "te"\n'
+    for name, lines, missing in (("all", TE, []), ("half", right, [0, 1, 2]), ("one", np.delete(TE, 2, axis=0), [2])):
+        (tmp_path / name).mkdir()
+        written(tmp_path / name, SHAPE.nodes, SHAPE.panels, lines)
+        remarks = body(tmp_path / name, text).remarks
+        assert len(remarks) == bool(missing)
+        if missing:
+            body_of_all = Body.of(SHAPE.nodes, SHAPE.panels, TE)
+            elements = np.sort(body_of_all.trailing[missing, :2].ravel()) + 1 + len(lines)
+            assert remarks[0].startswith(f"wing/w.msh: {len(missing)} sharp edge")
+            assert f"(at the element{listed(elements)})" in remarks[0]
