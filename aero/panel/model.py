@@ -254,7 +254,13 @@ class PanelModel(AeroModel):
         return _Case(nodes, geometry, onset, mean / speed, speed, flow.density, lift, plane is not None)
 
     def _check(self, case):
-        """StepFailed for a stream that the method knows nothing of."""
+        """StepFailed for a shape or a stream that the method knows nothing of."""
+        try:
+            if case.symmetric:
+                self._half.body.check_plane(case.nodes)
+            self._body.check_strips(case.nodes)
+        except ValueError as error:
+            raise StepFailed(f"the displaced wing: {error}") from None
         if not len(self._strips.ends):
             return
         chord = self._strips.chords(case.nodes, case.geometry.centre)

@@ -167,6 +167,15 @@ def test_a_wing_squeezed_flat_is_refused(model):
         model.solve(replace(flow(SURFACE), nodes=SURFACE.nodes * [0.0, 1.0, 1.0]), values(model))
 
 
+def test_a_wing_whose_halves_go_through_each_other_or_whose_strips_get_too_wide_is_refused(model):
+    y = SURFACE.nodes[:, 1]
+    crossed = SURFACE.nodes - np.outer(1.2 * np.sign(y) * np.exp(-(y**4)), [0.0, 1.0, 0.0])  # 0.78 m by 0.83 m
+    with pytest.raises(StepFailed, match=r"^the displaced wing: .* through the plane y = 0"):
+        model.solve(replace(flow(SURFACE), nodes=crossed), values(model))
+    with pytest.raises(StepFailed, match=r"^the displaced wing: .* times as wide as the chord is long"):
+        model.solve(replace(flow(SURFACE), nodes=SURFACE.nodes * [1.0, 100.0, 1.0]), values(model))
+
+
 def test_there_are_no_derivatives(model):
     with pytest.raises(ValueError, match="has no directional derivatives"):
         model.derivative(flow(SURFACE), values(model), None)
