@@ -184,7 +184,10 @@ class PanelModel(AeroModel):
         if self._wake == "relaxed":
             text = f"movement of the wake in the last of {RELAXATION_STEPS} relaxation steps, the most, over the span"
             yield output("wake_change", description=text)
-        yield output("warp", description="distance of the diagonals of a panel over its size, the largest")
+        text = (
+            "distance of the diagonals of a panel over its width, its area over its longest side or diagonal; the most"
+        )
+        yield output("warp", description=text)
         count = partial(output, kind="integer")
         yield count("gmres_iterations", description="GMRES iterations of the step")
         yield output("residual", description="residual of the panels' equations over that without doublets")
@@ -201,7 +204,7 @@ class PanelModel(AeroModel):
         found, wake, extra, kept = self._strengths(case, kept)
         doublets, jumps = self._whole(case, found)
         loads = self._loads(case, doublets, jumps, wake, values)
-        outputs = loads | extra | {"warp": float((case.geometry.warp / case.geometry.size).max())}
+        outputs = loads | extra | {"warp": float((case.geometry.warp * case.geometry.size / case.geometry.area).max())}
         outputs |= {"gmres_iterations": found.iterations, "residual": found.residual}
         if len(self._strips.ends):
             name, place = self.criteria[-1].name, self.criteria[-1].place
