@@ -15,7 +15,7 @@ from interface.validity import worst
 from .bodies import Body
 from .collocation import collocation_points
 from .influence import PanelGeometry, induced_velocity
-from .solver import PanelSolver, SolverState
+from .solver import PanelSolver, SolverState, check_memory
 from .strips import Strips, section_drag
 from .trefftz import far_wake
 from .velocities import Stencils, tangential, unit
@@ -90,6 +90,9 @@ class PanelModel(AeroModel):
 
     def __init__(self, wing):
         nodes, panels, options = wing.mesh.nodes, wing.mesh.panels, wing.options
+        check_memory(
+            len(panels) // 2 if wing.symmetric else len(panels)
+        )  # before the work on a mesh that cannot be solved
         self._body, self._panels = Body.of(nodes, panels, wing.trailing_edges), panels
         self._wake, self._transition = options["wake"], options["transition"]
         self._mirror(nodes)

@@ -275,8 +275,8 @@ class BoxWing:
     def line(self) -> Stations:
         """Stations from the middle of the upper wing by the right end plate to the middle of the lower one."""
         r, y, z = self.radius, 0.5 * self.span, 0.5 * self.height
-        if not 0.0 < r <= min(y, z):
-            raise ValueError(f"the corner radius must be above 0 and at most half of span and height; it is {r:g} m.")
+        if not 0.0 < r < min(y, z):
+            raise ValueError(f"the corner radius must be above 0 and below half of span and height; it is {r:g} m.")
         along = span_shares(self.wing_strips, self.spacing) * (y - r)
         turn = 0.5 * np.pi * np.arange(1, self.corner_strips) / self.corner_strips
         corner = np.column_stack([y - r + r * np.sin(turn), z - r + r * np.cos(turn)])

@@ -163,6 +163,19 @@ def _check_order(table: Table) -> None:
     again = next((k for k in range(1, len(places)) if places[k] == places[k - 1]), 0)
     if again:
         raise SceneError(f"{table.at(again)} is at the place of the row before; move or drop one.")
+    across = next((k for k in range(1, len(y)) if y[0] == 0.0 and y[k] <= 0.0), 0)
+    if across:
+        raise SceneError(
+            f"{table.at(across)}: y_m is {y[across]:g}; stations from the plane y = 0 on stay to the right of it: "
+            "correct it, or begin at the left tip."
+        )
+    steps = np.diff(np.column_stack([y, table["z_m"]]), axis=0)
+    back = np.flatnonzero(np.sum(steps[1:] * steps[:-1], axis=1) < 0.0)
+    if len(back):
+        raise SceneError(
+            f"{table.at(int(back[0]) + 2)} goes back along the span, by more than a right angle; put the rows into the "
+            "order of the span."
+        )
 
 
 def _box_wing(folder: Path, where: str, given: BodyInput) -> ClosedSurface:

@@ -280,6 +280,14 @@ def test_long_triangles_that_do_not_face_each_other_at_the_trailing_edge_are_bey
     assert criterion.named(found[criterion.place]).startswith("strip ")
 
 
+def test_a_wing_that_memory_does_not_hold_is_refused_before_any_work_on_it(monkeypatch):
+    monkeypatch.setattr("aero.panel.solver.free_memory", lambda: 2e8)
+    monkeypatch.setattr("aero.panel.model.Body", None)  # nothing is asked of the surface
+    for symmetric, count in ((True, len(SURFACE.panels) // 2), (False, len(SURFACE.panels))):
+        with pytest.raises(StepFailed, match=rf"^{count} panels need 0\.20\d GB of memory and 0\.2 GB are free; "):
+            panel_model(SURFACE, symmetric)
+
+
 def test_an_open_surface_is_refused():
     nodes, panels = SURFACE.nodes, SURFACE.panels[1:]
     with pytest.raises(ValueError, match="open"):

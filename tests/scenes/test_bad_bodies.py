@@ -215,6 +215,7 @@ SCENES = {
     "misspelt key": (WING + "dihedrall = 3.0\n", {}, ["unknown key 'dihedrall'"]),
     "no span": (WING.replace("span = 6.0\n", ""), {}, ["[body] lacks 'span'; a wing needs it"]),
     "negative chord": (WING.replace("chord = 1.0", "chord = -1.0"), {}, ["chord must be a finite number above 0"]),
+    "coarse profile": (WING.replace("panels = 24", "panels = 9"), {}, ["panels must be a whole number from 10"]),
     "no strips": (WING.replace("strips = 6", "strips = 0"), {}, ["strips must be a whole number from 1"]),
     "height of a wing": (WING + "height = 2.0\n", {}, ["height means nothing to a wing; drop it"]),
     "sweep of a box wing": (BOX + "sweep = 20.0\n", {}, ["sweep means nothing to a box wing"]),
@@ -242,7 +243,8 @@ SCENES = {
     "too many": (
         WING.replace("panels = 24", "panels = 1000").replace("strips = 6", "strips = 600"), {}, ["1200000 panels"],
     ),
-    "wide corners": (BOX.replace("0.15", "1.5"), {}, ["at most half of span and height; it is 1.5 m"]),
+    "wide corners": (BOX.replace("0.15", "1.5"), {}, ["below half of span and height; it is 1.5 m"]),
+    "corners without plate": (BOX.replace("0.15", "1.2"), {}, ["below half of span and height; it is 1.2 m"]),
     "sharp corners": (BOX.replace("0.15", "0.05"), {}, ["corners are", "take a larger radius"]),
     "no table": (
         'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n', {}, ["wing/s.csv does not exist"],
@@ -265,7 +267,13 @@ SCENES = {
     ),
     "stations that return": (
         'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n',
-        {"s_csv": HEADER + "0,0,0,1,0,0,0012\n0,-2,0,1,0,0,0012\n0,2,0,1,0,0,0012\n"}, ["to the right of it"],
+        {"s_csv": HEADER + "0,0,0,1,0,0,0012\n0,-2,0,1,0,0,0012\n0,2,0,1,0,0,0012\n"},
+        ["wing/s.csv row 3: y_m is -2; ", "right of it"],
+    ),
+    "stations that turn back": (
+        'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n',
+        {"s_csv": HEADER + "0,-2,0,1,0,0,0012\n0,1,0,1,0,0,0012\n0,0.5,0,1,0,0,0012\n0,2,0,1,0,0,0012\n"},
+        ["wing/s.csv row 4 goes back", "order of the span"],
     ),
     "profile of a station": (
         'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n',
