@@ -459,7 +459,7 @@ class BodyInput:
     profile: Annotated[str, a_text] | None = None
     upper_weights: NumberList | None = None
     lower_weights: NumberList | None = None
-    panels: Annotated[int, Whole(4, 1000)] | None = None
+    panels: Annotated[int, Whole(10, 1000)] | None = None
     panel_spacing: Annotated[str, OneOf(PROFILE_SPACINGS)] = "cosine"
     panel_growth: Annotated[float, Number(low=0.0, high=100.0)] = 5.0
     span: Positive | None = None

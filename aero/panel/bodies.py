@@ -145,6 +145,17 @@ class Body:
         ratio[there] = np.linalg.norm(b - a, axis=1)[there] / chord[there]
         return ratio
 
+    def unnamed(self, nodes, downstream=(1.0, 0.0, 0.0)):
+        """Panels (k,2) on either side of the edges that are sharp, have both panels upstream of them and continue
+        trailing edges, on `nodes` (n,3) m, but are no trailing edges themselves.
+        """
+        turn = _turn(nodes, self.panels, self.sides, _unit(area_vectors(nodes[self.panels])))
+        rows = _sharp(nodes, self.panels, self.edges, self.sides, turn, np.asarray(downstream, dtype=float))
+        rows = np.setdiff1d(rows, self.trailing_edge)
+        ends = self.edges[np.concatenate([rows, self.trailing_edge])]
+        line = connected(len(nodes), *ends.T)
+        return self.sides[rows[np.isin(line[self.edges[rows, 0]], line[self.edges[self.trailing_edge, 0]])]]
+
     def check_plane(self, nodes):
         """BodyError where a half of a symmetric body, on `nodes` (n,3) m, goes through the plane y = 0."""
         if self.symmetric:
@@ -205,7 +216,7 @@ class Body:
     def half(self, nodes):
         """The half y > 0 of a body that is its own mirror image in the plane y = 0, on the same `nodes` (n,3) m.
 
-        BodyError where it is not, or where panels lie across the plane.
+        BodyError where it is not, nor its trailing edges are, or where panels lie across the plane.
         """
         return Half.of(self, np.asarray(nodes, dtype=float))
 
@@ -287,6 +298,7 @@ class Half:
         place[panels] = np.arange(len(panels))
         of_panel = np.where(own, place, place[rows])
         body, strips = whole.part(panels)
+        _check_images(whole, image)
         of_strip, sign = _strip_images(whole, image, rows, strips)
         return cls(body, panels, of_panel, ~own, strips, of_strip, sign)
 
@@ -298,6 +310,19 @@ class Half:
     def whole_strips(self, jumps):
         """Jumps of the potential at the trailing edges (s,) of the half, upper less lower, at those of the whole."""
         return self.sign * np.append(jumps, 0.0)[self.of_strip]
+
+
+def _check_images(whole, image):
+    """Raises where trailing edges have no mirror image; `image` (n,) are the images of nodes."""
+    ends, there = np.sort(whole.trailing[:, 2:], axis=1), np.sort(image[whole.trailing[:, 2:]], axis=1)
+    _, _, which = distinct_pairs(np.concatenate([ends, there]))
+    odd = np.flatnonzero(~np.isin(which[len(ends) :], which[: len(ends)]))
+    if len(odd):
+        raise BodyError(
+            f"{_UNLIKE}: the trailing edge{listed(1 + odd)} (at the {{0}}) {_has(odd)} no mirror image among the "
+            "trailing edges; name both, or solve the whole body.",
+            whole.trailing[odd, 0],
+        )
 
 
 def _strip_images(whole, image, rows, strips):
@@ -481,14 +506,19 @@ def _turn(nodes, panels, sides, normals):
     return np.where(sides[:, 1] < 0, 0.0, np.where(away <= 0.0, angle, -angle))
 
 
-def _found(nodes, panels, edges, sides, turn, downstream):
-    """Rows of the sharp edges both of whose panels lie upstream, in the order in which they follow each other."""
+def _sharp(nodes, panels, edges, sides, turn, downstream):
+    """Rows of the sharp edges both of whose panels lie upstream."""
     rows = np.flatnonzero(turn >= 180.0 - SHARP)
     ends = nodes[edges[rows]]
     along = _unit(ends[:, 1] - ends[:, 0])[:, None]
     way = ends.mean(axis=1)[:, None] - nodes[panels[sides[rows]]].mean(axis=2)
     way = _unit(way - np.einsum("esk,esk->es", way, along)[:, :, None] * along)
-    rows = rows[np.all(way @ _unit(downstream[None])[0] > AFT, axis=1)]
+    return rows[np.all(way @ _unit(downstream[None])[0] > AFT, axis=1)]
+
+
+def _found(nodes, panels, edges, sides, turn, downstream):
+    """The rows of `_sharp` in the order in which they follow each other; BodyError where there are none."""
+    rows = _sharp(nodes, panels, edges, sides, turn, downstream)
     if not len(rows):
         raise BodyError(
             "the body has no trailing edge: no edge is sharper than "

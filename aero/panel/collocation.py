@@ -8,11 +8,13 @@ it of strips along a span).
 
 import numpy as np
 
+CREASED = 0.25  # of a rim: the two sides of a flat tip turn by 180 degrees together, one of them by a crease at least
+
 
 def collocation_points(body, nodes):
     """Points (m,3) m on the panels of a `Body` on `nodes` (n,3) m; centres of triangles.
 
-    Trailing edges and creases are ends of the row of panels; a plane of symmetry has the image behind it.
+    Trailing edges and the rims of `_ends` are ends of the row of panels; a plane of symmetry has the image behind it.
     """
     corners = nodes[body.panels]
     middle = 0.5 * (corners + np.roll(corners, -1, axis=1))  # of the edges (m,4,3)
@@ -28,13 +30,10 @@ def collocation_points(body, nodes):
 
 
 def _beyond(body, width):
-    """How wide (m,4) the panel beyond each edge is, across it: NaN beyond trailing edges and creases, as wide as the
-    panel itself beyond a plane of symmetry and next to triangles.
+    """How wide (m,4) the panel beyond each edge is, across it: NaN beyond ends, as wide as the panel itself beyond a
+    plane of symmetry and next to triangles.
     """
-    m = len(body.panels)
-    end = np.zeros(len(body.edges), bool)
-    end[body.trailing_edge] = end[body.creases] = True
-    edge = body.of_panel
+    m, edge, end = len(body.panels), body.of_panel, _ends(body)
     sides = body.sides[edge]
     own = np.arange(m)[:, None]
     other = np.where(sides[..., 0] == own, sides[..., 1], sides[..., 0])
@@ -42,6 +41,29 @@ def _beyond(body, width):
     triangle = body.panels[:, 2] == body.panels[:, 3]
     found = np.where((other >= 0) & ~triangle[other], width[other, slot], width)
     return np.where(end[edge], np.nan, found)
+
+
+def _ends(body):
+    """Whether a row of panels ends at each edge, (e,): at trailing edges, at creases beside no strip, and at the rim of
+    a strip beside panels of none, a flat tip, where a quarter of it is creased: its whole rim ends then, whether it
+    leans to the upper or the lower side.
+
+    Strips go on across the creases between them: a wing folded by just more than the angle of a crease has its points
+    where one that is folded by just less has them.
+    """
+    strip = np.full(len(body.panels) + 1, -1)
+    for k, row in enumerate(body.strips):
+        strip[row] = k
+    sides = strip[body.sides]  # -1 also beyond an open edge
+    folded = np.zeros(len(body.edges), bool)
+    folded[body.creases] = True
+    rim = (np.sum(sides >= 0, axis=1) == 1) & (body.sides[:, 1] >= 0)
+    of = sides.max(axis=1)[rim]
+    share = np.bincount(of, folded[rim], len(body.strips)) / np.maximum(np.bincount(of, minlength=len(body.strips)), 1)
+    end = folded & np.all(sides < 0, axis=1)
+    end[rim] = share[of] >= CREASED
+    end[body.trailing_edge] = True
+    return end
 
 
 def _fractions(before, width, after):

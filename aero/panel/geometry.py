@@ -51,7 +51,7 @@ class PanelGeometry:
         size = np.maximum(sides, np.maximum(*(np.linalg.norm(d, axis=1) for d in diagonals)))
         projected = np.linalg.norm(vector, axis=1)
         if (empty := np.flatnonzero(~(projected > 1e-14 * size**2))).size:
-            raise ValueError(f"Panel {empty[0]} has no area; remove it or set its corners apart.")
+            raise ValueError(f"Panel {1 + empty[0]} has no area; remove it or set its corners apart.")
         normal = vector / projected[:, None]
         doubled = np.stack(
             [cross(corners[:, b] - corners[:, a], corners[:, c] - corners[:, a]) for a, b, c in TRIANGLES], 1

@@ -15,7 +15,7 @@ from interface.validity import worst
 from .bodies import Body
 from .collocation import collocation_points
 from .influence import PanelGeometry, induced_velocity
-from .solver import PanelSolver, SolverState
+from .solver import PanelSolver, SolverState, check_memory
 from .strips import Strips, section_drag
 from .trefftz import far_wake
 from .velocities import Stencils, tangential, unit
@@ -103,6 +103,9 @@ class PanelModel(AeroModel):
 
     def __init__(self, wing):
         nodes, panels, options = wing.mesh.nodes, wing.mesh.panels, wing.options
+        check_memory(
+            len(panels) // 2 if wing.symmetric else len(panels)
+        )  # before the work on a mesh that cannot be solved
         self._body, self._panels = Body.of(nodes, panels, wing.trailing_edges), panels
         self._wake, self._transition = options["wake"], options["transition"]
         self._mirror(nodes)
@@ -196,7 +199,10 @@ class PanelModel(AeroModel):
         if self._wake == "relaxed":
             text = f"movement of the wake in the last of {RELAXATION_STEPS} relaxation steps, the most, over the span"
             yield output("wake_change", description=text)
-        yield output("warp", description="distance of the diagonals of a panel over its size, the largest")
+        text = (
+            "distance of the diagonals of a panel over its width, its area over its longest side or diagonal; the most"
+        )
+        yield output("warp", description=text)
         count = partial(output, kind="integer")
         yield count("gmres_iterations", description="GMRES iterations of the step")
         yield output("residual", description="residual of the panels' equations over that without doublets")
@@ -213,7 +219,7 @@ class PanelModel(AeroModel):
         found, wake, extra, kept = self._strengths(case, kept)
         doublets, jumps = self._whole(case, found)
         loads = self._loads(case, doublets, jumps, wake, values)
-        outputs = loads | extra | {"warp": float((case.geometry.warp / case.geometry.size).max())}
+        outputs = loads | extra | {"warp": float((case.geometry.warp * case.geometry.size / case.geometry.area).max())}
         outputs |= {"gmres_iterations": found.iterations, "residual": found.residual}
         if len(self._strips.ends):
             name, place = self._of_edges.name, self._of_edges.place
@@ -266,7 +272,13 @@ class PanelModel(AeroModel):
         return _Case(nodes, geometry, onset, mean / speed, speed, flow.density, lift, plane is not None)
 
     def _check(self, case):
-        """StepFailed for a stream that the method knows nothing of."""
+        """StepFailed for a shape or a stream that the method knows nothing of."""
+        try:
+            if case.symmetric:
+                self._half.body.check_plane(case.nodes)
+            self._body.check_strips(case.nodes)
+        except ValueError as error:
+            raise StepFailed(f"the displaced wing: {error}") from None
         if not len(self._strips.ends):
             return
         chord = self._strips.chords(case.nodes, case.geometry.centre)
@@ -286,8 +298,9 @@ class PanelModel(AeroModel):
         """The solver of the half or of the whole wing; there is one at a time, for its memory."""
         if self._solver is None or self._solver[0] != symmetric:
             self._solver = None
-            body = self._half.body if symmetric else self._body
-            self._solver = symmetric, PanelSolver(body)
+            half = self._half
+            of_half = (half.body, self._body, half.panels) if symmetric else (self._body,)
+            self._solver = symmetric, PanelSolver(*of_half)
         return self._solver[1]
 
     def _strengths(self, case, state):

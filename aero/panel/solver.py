@@ -98,11 +98,12 @@ class PanelSolver:
     """The doublets of a `body` (whole, or half with its image in y = 0) for its shapes and streams.
 
     It keeps matrix and factors of what it solved last; a state says which it needs, and gives the same numbers to the
-    bit whether they are still there or not.
+    bit whether they are still there or not. A half that was taken from the body `whole`, its panels `rows` (m,) of
+    that, has the collocation points of the whole.
     """
 
-    def __init__(self, body: Body):
-        self.body = body
+    def __init__(self, body: Body, whole: Body | None = None, rows=None):
+        self.body, self._whole, self._rows = body, whole, rows
         self._upper, self._lower = body.trailing[:, 0], body.trailing[:, 1]
         self._used = np.unique(body.panels)
         self._columns: _Columns | None = None
@@ -167,7 +168,7 @@ class PanelSolver:
         if kept is not None and np.array_equal(kept.nodes, nodes):
             return kept
         self._columns = None
-        geometry, points = PanelGeometry.of(nodes, self.body.panels), collocation_points(self.body, nodes)
+        geometry, points = PanelGeometry.of(nodes, self.body.panels), self._points(nodes)
         matrix, streams = self._buffer(), np.zeros_like(points)
         for mirrored in (False, True) if self.body.symmetric else (False,):
             _, found = influence(geometry, points, -geometry.normal, mirrored=mirrored, out=matrix)
@@ -176,6 +177,14 @@ class PanelSolver:
         np.fill_diagonal(matrix, 1.0 - matrix.sum(axis=1))  # doublets of strength 1 all over are 1 inside
         self._columns = _Columns(nodes, geometry, points, matrix, streams)
         return self._columns
+
+    def _points(self, nodes):
+        """Collocation points (m,3) m on nodes."""
+        return (
+            collocation_points(self.body, nodes)
+            if self._whole is None
+            else collocation_points(self._whole, nodes)[self._rows]
+        )
 
     def _buffer(self):
         """Zeros (m,m), in the same memory at every call."""

@@ -146,9 +146,10 @@ def lofted(
 
     Panels of a strip follow each other from the trailing edge over the upper side to the nose and back; strips follow
     the span, the tips come last. Tips are "flat" caps of quads between upper and lower side, or "round": half turns
-    about the middle of the tip, of `tip_strips` panels.
+    about the middle of the tip, of `tip_strips` panels. Quads of strips left of y = 0 begin at the image of the corner
+    where those of the right begin, so that the mirror image of a wing has mirrored first diagonals.
     """
-    return _closed(sections, None, tip, tip_strips, remarks)
+    return _closed(sections, False, tip, tip_strips, remarks)
 
 
 def mirrored_wing(
@@ -160,24 +161,27 @@ def mirrored_wing(
     """
     if np.any(right[0, :, 1] != 0.0) or np.any(right[1:, :, 1] <= 0.0):
         raise ValueError("the sections of one half must begin in the plane y = 0 and stay to the right of it.")
-    return _closed(np.concatenate([right[:0:-1] * MIRROR, right]), len(right) - 1, tip, tip_strips, remarks)
+    return _closed(np.concatenate([right[:0:-1] * MIRROR, right]), True, tip, tip_strips, remarks)
 
 
-def _closed(sections, left, tip, tip_strips, remarks):
-    """The wing between sections; the first `left` strips and the left tip are images where that is not None."""
+def _closed(sections, mirrored, tip, tip_strips, remarks):
+    """The wing between sections; the left tip is the image of a right one to the last bit where it is `mirrored`."""
     k, n = sections.shape[:2]
     if k < 2 or n < 4:
         raise ValueError("a wing needs two sections at least, of four points at least.")
     if tip not in TIPS:
         raise ValueError(f"tips cannot be '{tip}'; choose one of: {', '.join(TIPS)}.")
     rows = np.arange(k * n).reshape(k, n)
-    nodes, panels = [sections.reshape(-1, 3)], [_strips(rows, left or 0)]
+    nodes, panels = (
+        [sections.reshape(-1, 3)],
+        [_strips(rows, (sections[:-1, :, 1] + sections[1:, :, 1]).sum(axis=1) < 0.0)],
+    )
     make = _flat_tip if tip == "flat" else _round_tip
     count = k * n
     right_nodes, right = make(sections[-1], sections[-1] - sections[-2], rows[-1], count, tip_strips)
     nodes.append(right_nodes)
     count += len(right_nodes)
-    image = MIRROR if left is not None else np.ones(3)
+    image = MIRROR if mirrored else np.ones(3)
     left_nodes, other = make(sections[0] * image, (sections[0] - sections[1]) * image, rows[0], count, tip_strips)
     nodes.append(left_nodes * image)
     panels += [right, _turned_over(other)]
@@ -186,12 +190,12 @@ def _closed(sections, left, tip, tip_strips, remarks):
 
 
 def _strips(rows, left):
-    """Panels (., 4) between rows (k,n) of nodes; those of the first `left` strips begin at the corner that is the image
-    of the first one of the others.
+    """Panels (., 4) between rows (k,n) of nodes; those of the strips on the `left` (k - 1,) begin at the corner that is
+    the image of the first one of the others.
     """
     after = np.roll(rows, -1, axis=1)
     four = np.stack([rows[:-1], rows[1:], after[1:], after[:-1]], axis=2)
-    four[:left] = np.roll(four[:left], -1, axis=2)
+    four[left] = np.roll(four[left], -1, axis=2)
     return four.reshape(-1, 4)
 
 
@@ -271,8 +275,8 @@ class BoxWing:
     def line(self) -> Stations:
         """Stations from the middle of the upper wing by the right end plate to the middle of the lower one."""
         r, y, z = self.radius, 0.5 * self.span, 0.5 * self.height
-        if not 0.0 < r <= min(y, z):
-            raise ValueError(f"the corner radius must be above 0 and at most half of span and height; it is {r:g} m.")
+        if not 0.0 < r < min(y, z):
+            raise ValueError(f"the corner radius must be above 0 and below half of span and height; it is {r:g} m.")
         along = span_shares(self.wing_strips, self.spacing) * (y - r)
         turn = 0.5 * np.pi * np.arange(1, self.corner_strips) / self.corner_strips
         corner = np.column_stack([y - r + r * np.sin(turn), z - r + r * np.cos(turn)])
@@ -306,7 +310,6 @@ class BoxWing:
         sections = np.concatenate([right, left])
         rows = np.arange(len(sections) * n).reshape(-1, n)
         ring = np.concatenate([rows, rows[:1]])
-        quads = _strips(ring, 0).reshape(-1, n, 4)
-        quads[k - 1 :] = np.roll(quads[k - 1 :], -1, axis=2)
+        quads = _strips(ring, np.arange(len(sections)) >= k - 1)
         trailing = np.column_stack([ring[:-1, 0], ring[1:, 0]])
-        return ClosedSurface(sections.reshape(-1, 3), quads.reshape(-1, 4), trailing)
+        return ClosedSurface(sections.reshape(-1, 3), quads, trailing)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from aero.panel.bodies import Body, BodyError
+from interface.topology import agreed, listed
 
 from ..builders.profiles import Profile, cst, naca
 from ..builders.wings import BoxWing, ClosedSurface, Planform, Stations, lofted, mirrored_wing, span_shares
@@ -66,7 +67,19 @@ def _checked(where: str, surface: ClosedSurface, numbers: np.ndarray | None = No
     except BodyError as error:
         told = str(error) if numbers is None else error.called("element", numbers)
         raise SceneError(f"{where}: {told}") from None
-    return replace(surface, trailing_edges=body.trailing[:, 2:])
+    remarks = surface.remarks
+    if numbers is not None and len(left := body.unnamed(surface.nodes)):
+        remarks += (_of_unnamed(where, numbers[left]),)
+    return replace(surface, trailing_edges=body.trailing[:, 2:], remarks=remarks)
+
+
+def _of_unnamed(where: str, elements: np.ndarray) -> str:
+    """The remark on sharp edges with the `elements` (k,2) on their sides that are left out of the trailing edges."""
+    edges = agreed(len(elements), "edge continues", "edges continue")
+    return (
+        f"{where}: {len(elements)} sharp {edges} the trailing edges without being named one (at the "
+        f"element{listed(np.unique(elements))}): no wake leaves there; add what is missing to the group of lines"
+    )
 
 
 def _required(where: str, given: BodyInput, needed: tuple[str, ...], known: tuple[str, ...], what: str) -> list[Any]:
@@ -150,6 +163,19 @@ def _check_order(table: Table) -> None:
     again = next((k for k in range(1, len(places)) if places[k] == places[k - 1]), 0)
     if again:
         raise SceneError(f"{table.at(again)} is at the place of the row before; move or drop one.")
+    across = next((k for k in range(1, len(y)) if y[0] == 0.0 and y[k] <= 0.0), 0)
+    if across:
+        raise SceneError(
+            f"{table.at(across)}: y_m is {y[across]:g}; stations from the plane y = 0 on stay to the right of it: "
+            "correct it, or begin at the left tip."
+        )
+    steps = np.diff(np.column_stack([y, table["z_m"]]), axis=0)
+    back = np.flatnonzero(np.sum(steps[1:] * steps[:-1], axis=1) < 0.0)
+    if len(back):
+        raise SceneError(
+            f"{table.at(int(back[0]) + 2)} goes back along the span, by more than a right angle; put the rows into the "
+            "order of the span."
+        )
 
 
 def _box_wing(folder: Path, where: str, given: BodyInput) -> ClosedSurface:

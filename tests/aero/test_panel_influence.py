@@ -404,7 +404,7 @@ def test_an_image_is_added_to_the_first_pass():
 
 def test_bad_input_is_refused_in_one_sentence(monkeypatch):
     flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    with pytest.raises(ValueError, match="Panel 1 has no area; remove it or set its corners apart"):
+    with pytest.raises(ValueError, match="Panel 2 has no area; remove it or set its corners apart"):
         PanelGeometry.of(flat, [[0, 1, 3, 3], [0, 1, 2, 2]])
     with pytest.raises(ValueError, match="'compiled' or 'numpy', not 'fortran'"):
         doublet_matrix(BODY, BODY.centre, kernel="fortran")

@@ -167,6 +167,15 @@ def test_a_wing_squeezed_flat_is_refused(model):
         model.solve(replace(flow(SURFACE), nodes=SURFACE.nodes * [0.0, 1.0, 1.0]), values(model))
 
 
+def test_a_wing_whose_halves_go_through_each_other_or_whose_strips_get_too_wide_is_refused(model):
+    y = SURFACE.nodes[:, 1]
+    crossed = SURFACE.nodes - np.outer(1.2 * np.sign(y) * np.exp(-(y**4)), [0.0, 1.0, 0.0])  # 0.78 m by 0.83 m
+    with pytest.raises(StepFailed, match=r"^the displaced wing: .* through the plane y = 0"):
+        model.solve(replace(flow(SURFACE), nodes=crossed), values(model))
+    with pytest.raises(StepFailed, match=r"^the displaced wing: .* times as wide as the chord is long"):
+        model.solve(replace(flow(SURFACE), nodes=SURFACE.nodes * [1.0, 100.0, 1.0]), values(model))
+
+
 def test_there_are_no_derivatives(model):
     with pytest.raises(ValueError, match="has no directional derivatives"):
         model.derivative(flow(SURFACE), values(model), None)
@@ -269,6 +278,14 @@ def test_long_triangles_that_do_not_face_each_other_at_the_trailing_edge_are_bey
     (criterion,) = model.criteria
     assert not criterion.within(found[criterion.name])
     assert criterion.named(found[criterion.place]).startswith("strip ")
+
+
+def test_a_wing_that_memory_does_not_hold_is_refused_before_any_work_on_it(monkeypatch):
+    monkeypatch.setattr("aero.panel.solver.free_memory", lambda: 2e8)
+    monkeypatch.setattr("aero.panel.model.Body", None)  # nothing is asked of the surface
+    for symmetric, count in ((True, len(SURFACE.panels) // 2), (False, len(SURFACE.panels))):
+        with pytest.raises(StepFailed, match=rf"^{count} panels need 0\.20\d GB of memory and 0\.2 GB are free; "):
+            panel_model(SURFACE, symmetric)
 
 
 def test_an_open_surface_is_refused():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aero.panel.bodies import Body, BodyError
+from interface.topology import listed
 from scenes.schema import SceneError
 from tests.aero.closed_shapes import cube, ellipsoid, half_fin, turned_over, wing, with_image
 from tests.scenes.body_scenes import BOX, HEADER, WING, body
@@ -214,6 +215,7 @@ SCENES = {
     "misspelt key": (WING + "dihedrall = 3.0\n", {}, ["unknown key 'dihedrall'"]),
     "no span": (WING.replace("span = 6.0\n", ""), {}, ["[body] lacks 'span'; a wing needs it"]),
     "negative chord": (WING.replace("chord = 1.0", "chord = -1.0"), {}, ["chord must be a finite number above 0"]),
+    "coarse profile": (WING.replace("panels = 24", "panels = 9"), {}, ["panels must be a whole number from 10"]),
     "no strips": (WING.replace("strips = 6", "strips = 0"), {}, ["strips must be a whole number from 1"]),
     "height of a wing": (WING + "height = 2.0\n", {}, ["height means nothing to a wing; drop it"]),
     "sweep of a box wing": (BOX + "sweep = 20.0\n", {}, ["sweep means nothing to a box wing"]),
@@ -241,7 +243,8 @@ SCENES = {
     "too many": (
         WING.replace("panels = 24", "panels = 1000").replace("strips = 6", "strips = 600"), {}, ["1200000 panels"],
     ),
-    "wide corners": (BOX.replace("0.15", "1.5"), {}, ["at most half of span and height; it is 1.5 m"]),
+    "wide corners": (BOX.replace("0.15", "1.5"), {}, ["below half of span and height; it is 1.5 m"]),
+    "corners without plate": (BOX.replace("0.15", "1.2"), {}, ["below half of span and height; it is 1.2 m"]),
     "sharp corners": (BOX.replace("0.15", "0.05"), {}, ["corners are", "take a larger radius"]),
     "no table": (
         'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n', {}, ["wing/s.csv does not exist"],
@@ -264,7 +267,13 @@ SCENES = {
     ),
     "stations that return": (
         'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n',
-        {"s_csv": HEADER + "0,0,0,1,0,0,0012\n0,-2,0,1,0,0,0012\n0,2,0,1,0,0,0012\n"}, ["to the right of it"],
+        {"s_csv": HEADER + "0,0,0,1,0,0,0012\n0,-2,0,1,0,0,0012\n0,2,0,1,0,0,0012\n"},
+        ["wing/s.csv row 3: y_m is -2; ", "right of it"],
+    ),
+    "stations that turn back": (
+        'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n',
+        {"s_csv": HEADER + "0,-2,0,1,0,0,0012\n0,1,0,1,0,0,0012\n0,0.5,0,1,0,0,0012\n0,2,0,1,0,0,0012\n"},
+        ["wing/s.csv row 4 goes back", "order of the span"],
     ),
     "profile of a station": (
         'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n',
@@ -337,3 +346,22 @@ def test_volumes_and_second_order_are_no_panels(tmp_path):
     msh2(tmp_path / "wing" / "w.msh", SHAPE.nodes, [(1, (1, 2, 3, 4, 5, 6))])
     with pytest.raises(SceneError, match="element 1 is of the type triangle6; a body has triangles of three and quads"):
         body(tmp_path, 'shape = "mesh-file"\nmesh = "w.msh"\n')
+
+
+def test_a_trailing_edge_without_mirror_image_has_no_half_and_its_continuation_is_told_by_its_elements(tmp_path):
+    """TE leads from the left tip to the right one; the elements of panels begin behind the lines of the group."""
+    right = TE[len(TE) // 2 :]
+    with pytest.raises(BodyError, match=r"trailing edges 1, 2 and 3 \(at the panels .*\) have no mirror image among"):
+        Body.of(SHAPE.nodes, SHAPE.panels, right).half(SHAPE.nodes)
+    Body.of(SHAPE.nodes, SHAPE.panels, TE).half(SHAPE.nodes)
+    text = 'shape = "mesh-file"\nmesh = "w.msh"\ntrailing_edges = "te"\n'
+    for name, lines, missing in (("all", TE, []), ("half", right, [0, 1, 2]), ("one", np.delete(TE, 2, axis=0), [2])):
+        (tmp_path / name).mkdir()
+        written(tmp_path / name, SHAPE.nodes, SHAPE.panels, lines)
+        remarks = body(tmp_path / name, text).remarks
+        assert len(remarks) == bool(missing)
+        if missing:
+            body_of_all = Body.of(SHAPE.nodes, SHAPE.panels, TE)
+            elements = np.sort(body_of_all.trailing[missing, :2].ravel()) + 1 + len(lines)
+            assert remarks[0].startswith(f"wing/w.msh: {len(missing)} sharp edge")
+            assert f"(at the element{listed(elements)})" in remarks[0]
