@@ -108,8 +108,8 @@ ENTRIES = (
         plot=Curve("panels", "error"),
         fit=Fit("value", "error", "error ~ divisions", least=8.0),
         labels={"panels": "panels", "gmres_iterations": "GMRES iterations"},
-        note="A sphere made of a cube, stretched; 6 n² quads, or twice as many triangles. Whole bodies. The error is the "
-        "root of its mean square over the area.",
+        note="A sphere made of a cube, stretched; 6 n² quads, or twice as many triangles. Whole bodies. The error is "
+        "the root of its mean square over the area.",
     ),
     Case(
         name="panel.wings",
