@@ -17,7 +17,8 @@ from .registry import Case, Curve, Fit, Outcome
 
 ELLIPSOIDS = {"sphere": (1.0, 1.0, 1.0), "ellipsoid 1 : 0.6 : 0.3": (1.0, 0.6, 0.3)}
 STREAM = np.array([1.0, 0.3, -0.5]) / np.linalg.norm([1.0, 0.3, -0.5])
-# Angle deg, area m^2, C_L, C_Di and their sources: ram-air thesis 4.1.1 and Weber and Brebner (1958), inviscid limits.
+# Angle deg, area m^2, and the limits of C_L and C_Di by a prototype of this project, not published; the wings are those
+# of the ram-air thesis, 4.1.1, and of Weber and Brebner (1958).
 WINGS = {"box wing": (5.86, 24.0, 0.523, 0.0102), "swept wing": (4.2, 5.0, 0.262, 0.0048)}
 
 
@@ -95,7 +96,7 @@ ENTRIES = (
         knob="divisions of a side of the cube",
         values=(4, 8, 16, 24),
         quick=(4, 8),
-        error="velocity, root of the mean square over the area",
+        error="velocity error, rms",
         unit="% of the stream",
         reference="exact flow (Lamb 1932, section 114)",
         prepare=around_ellipsoid,
@@ -107,17 +108,18 @@ ENTRIES = (
         plot=Curve("panels", "error"),
         fit=Fit("value", "error", "error ~ divisions", least=8.0),
         labels={"panels": "panels", "gmres_iterations": "GMRES iterations"},
-        note="A sphere made of a cube, stretched; 6 n² quads, or twice as many triangles. Whole bodies.",
+        note="A sphere made of a cube, stretched; 6 n² quads, or twice as many triangles. Whole bodies. The error is "
+        "the root of its mean square over the area.",
     ),
     Case(
         name="panel.wings",
-        title="Panel method: lift and drag of a box wing and a swept wing from nothing, over the mesh",
+        title="Panel method: time, and lift and drag, of a box wing and a swept wing over panels",
         knob="panels round the profile",
         values=(40, 78, 118),
         quick=(40,),
         error="C_L",
         unit="%",
-        reference="inviscid limits: box wing C_L 0.523, C_Di 0.0102, e 1.42; swept wing C_L 0.262, C_Di 0.0048",
+        reference="limits by a prototype: box wing C_L 0.523, C_Di 0.0102, e 1.42; swept wing C_L 0.262, C_Di 0.0048",
         prepare=around_wing,
         truth=lambda series, n: lift(series),
         distance=lambda answer, truth: 100.0 * abs(answer / truth - 1.0),
@@ -138,8 +140,8 @@ ENTRIES = (
         },
         note="Box wing of the ram-air thesis, section 4.1.1, h/b 0.2, b 12 c, NACA 0012, 5.86 deg (its panel code: C_L "
         "0.509, 0.507, 0.500, C_D 0.01007, 0.01000, 0.0097 on three meshes); swept wing of Weber and Brebner (1958), "
-        "45 deg, aspect ratio 5, NACA 0012, 4.2 deg (measured 0.238, 0.005; FLOWPanel 0.2244, 0.0121). One half is "
-        "solved.",
+        "45 deg, aspect ratio 5, NACA 0012, 4.2 deg (measured 0.238, 0.005; FLOWPanel 0.2244, 0.0121). Every solve "
+        "begins from nothing, of one half.",
     ),
     Case(
         name="panel.steps",

@@ -14,7 +14,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # help without rich, which takes longer to load than all the rest
     help="Aero-structural co-simulation of soft kites: a structural and an aerodynamic FMU, coupled, in quasi-static "
-    "and transient cases.",
+    "and transient cases; rigid wings in a flow by themselves, and polars of wings.",
 )
 
 SceneArgument = Annotated[
@@ -37,7 +37,7 @@ SetOption = Annotated[
 ]
 
 
-@app.command(short_help="Couple structure and flow of SCENE, to equilibrium or in time.")
+@app.command(short_help="Couple structure and flow of SCENE, to equilibrium or in time; solve the flow of a rigid wing.")
 def run(
     ctx: typer.Context,
     scene: SceneArgument,
@@ -50,9 +50,7 @@ def run(
             help="serial (Gauss-Seidel): flow, then structure; parallel (Jacobi): both at once, loads are iterated too."
         ),
     ] = "serial",
-    backend: Annotated[
-        str, typer.Option(help="fmu: build and load the two FMUs; in-process: the same solvers.")
-    ] = "fmu",
+    backend: Annotated[str, typer.Option(help="fmu: build and load the FMUs; in-process: the same solvers.")] = "fmu",
     set_: SetOption = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/SCENE.")] = None,
     relaxation: Annotated[
@@ -99,9 +97,11 @@ def run(
 ) -> None:
     """Couple structure and flow of SCENE; print a table, write results and a report.
 
-    A quasi-static case is iterated to equilibrium, a transient one integrated in time.
+    A quasi-static case is iterated to equilibrium, a transient one integrated in time. A rigid wing, a scene without
+    [structure], has nothing to couple: its flow is solved once. Its polars are those of `kitecosim polar`.
 
-    The row `validity` says what lies beyond the limits of the models: line strain, load of tubes, stall, and more.
+    The row `validity` says what lies beyond the limits of the models: line strain, load of tubes, stall, separation,
+    and more.
 
     Exit code: 0 converged, 1 not converged or statically unstable, or with --strict outside validity (results are still
     written), 2 bad input, 130 interrupted. Results are written beside the folder, as FOLDER.partial, and take the place
@@ -138,7 +138,7 @@ def run(
     )
 
 
-@app.command(short_help="Build the structural and the aerodynamic FMU of SCENE.")
+@app.command(short_help="Build the structural and the aerodynamic FMU of SCENE; of a rigid wing the latter.")
 def build(
     scene: SceneArgument,
     out: Annotated[Path, typer.Option(help="Folder for the FMUs.")] = Path("results/fmus"),
@@ -156,7 +156,10 @@ def build(
     ] = 2,
     force: ForceOption = False,
 ) -> None:
-    """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values."""
+    """Build the structural and the aerodynamic FMU of SCENE; --set values become their start values.
+
+    A scene without a flow has a structural FMU alone, a rigid wing an aerodynamic one.
+    """
     from master.commands import build_scene
 
     _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi, force))

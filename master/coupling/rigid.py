@@ -18,7 +18,8 @@ def rigid_run(aero: Participant, remark: Callable[[dict[str, np.ndarray]], list[
     """One step of the flow around the shape that it has, as a run without coupling iterations and residuals.
 
     The status is "converged", or "diverged" where the flow has no answer there: its outputs are nan then. `remark` says
-    what is worth a line in its blocks. RuntimeError with the reason if the solver has ended for good.
+    what is worth a line in its blocks. The time is that of the step and, of an FMU, of its initialisation, in which it
+    has solved the flow already. RuntimeError with the reason if the solver has ended for good.
     """
     begin = time.perf_counter()
     status, message = "converged", "The flow around the rigid wing is solved."
@@ -26,7 +27,7 @@ def rigid_run(aero: Participant, remark: Callable[[dict[str, np.ndarray]], list[
         aero.step(0.0, 1.0)
     except StepFailed as error:
         status, message = "diverged", f"The flow around the rigid wing has no answer: {str(error).rstrip('.')}."
-    took = time.perf_counter() - begin
+    took = time.perf_counter() - begin + getattr(aero, "initialisation_s", 0.0)
     blocks = {name: aero.get(name) for name in aero.blocks}
     if status != "converged":
         outputs = [name for name in blocks if aero.causality[name] == "output"]

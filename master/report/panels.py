@@ -17,7 +17,12 @@ from master.report.views import wind_of
 FIELDS = {
     "load_Pa": ("load", "Pa", "net load per area, global frame: exchanged pressure along the normal + exchanged shear"),
     "delta_p_Pa": ("delta_p", "Pa", "pressure difference: load along the normal, above zero towards suction"),
-    "C_p": ("C_p", "1", "delta_p over the dynamic pressure of the wind that the panel meets"),
+    "C_p": (
+        "C_p",
+        "1",
+        "sheets: delta_p over the dynamic pressure of the wind that the panel meets; closed bodies: pressure outside "
+        "over it, 1 where the air comes to rest, below zero in suction",
+    ),
     "tangential_Pa": ("tangential", "Pa", "load along the surface: load less delta_p along the normal"),
     "area_m2": ("area", "m2", "size of the area vector, half the cross product of the diagonals"),
     "exchanged_pressure_Pa": ("pressure", "Pa", "what the flow sends along the normal; turns with it, is not the load"),
@@ -30,13 +35,15 @@ class PanelLoads:
     """Loads of m panels on the shape for which the flow gave them.
 
     `vectors` (m,3) m2 are their area vectors, `pressure` (m,) and `shear` (m,3) Pa what was exchanged (None: no shear),
-    `dynamic_pressure` (m,) Pa that of the wind which each panel meets, None without a wind.
+    `dynamic_pressure` (m,) Pa that of the wind which each panel meets, None without a wind; `outside` (m,) the pressure
+    coefficient that a flow around a closed body gives, None of a sheet.
     """
 
     vectors: np.ndarray
     pressure: np.ndarray
     shear: np.ndarray | None
     dynamic_pressure: np.ndarray | None
+    outside: np.ndarray | None = None
 
     @property
     def area(self) -> np.ndarray:
@@ -73,9 +80,15 @@ class PanelLoads:
 
     @property
     def C_p(self) -> np.ndarray | None:
-        """delta_p over the dynamic pressure, (m,), NaN for a panel that meets no wind; None without a wind."""
+        """(m,), NaN for a panel that meets no wind; None without a wind. Of a closed body the pressure coefficient
+        outside, without that inside; of a sheet delta_p over the dynamic pressure.
+        """
         q = self.dynamic_pressure
-        return None if q is None else np.divide(self.delta_p, q, out=np.full(len(q), np.nan), where=q > 0.0)
+        if q is None:
+            return None
+        if self.outside is not None:
+            return np.where(q > 0.0, self.outside, np.nan)
+        return np.divide(self.delta_p, q, out=np.full(len(q), np.nan), where=q > 0.0)
 
     def fields(self) -> dict[str, np.ndarray]:
         """Values (m,) or (m,3) of the FIELDS that there are."""
@@ -99,7 +112,7 @@ def panel_loads(nodes: np.ndarray, panels: np.ndarray, blocks: Mapping[str, np.n
     """The loads in the `blocks` of a flow on `panels` (m,4) between `nodes` (n,3) m as displaced for it.
 
     The dynamic pressure is rho |U - v|^2 / 2 with the wind U of the moment, gusts included, and in a transient scene
-    the velocity v of the panel, mean of its corners.
+    the velocity v of the panel, mean of its corners. Flows around closed bodies say `pressure_coefficient` themselves.
     """
     panels = np.asarray(panels, int).reshape(-1, 4)
     wind, dynamic = wind_of(blocks), None
@@ -111,4 +124,4 @@ def panel_loads(nodes: np.ndarray, panels: np.ndarray, blocks: Mapping[str, np.n
                 met = met - blocks["velocity"][panels].mean(axis=1)
             dynamic = 0.5 * float(blocks["air_density"]) * np.einsum("mk,mk->m", met, met)
     pressure = blocks.get("pressure", np.zeros(len(panels)))  # none of a flow around lines alone
-    return PanelLoads(vectors, pressure, blocks.get("shear"), dynamic)
+    return PanelLoads(vectors, pressure, blocks.get("shear"), dynamic, blocks.get("pressure_coefficient"))

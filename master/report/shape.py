@@ -24,7 +24,7 @@ BLUE = (0.60, 0.75, 0.88)
 SLACK = "#b2182b"
 LOOSE = "#d95f02"
 ENDS = 0.005  # of the area of a body, at either end of its loads: edges of a tip may have any
-PRESSURE = "outward load over dynamic pressure, –"
+PRESSURE = "pressure coefficient $C_p$ outside, –"
 TUBE, COLLAPSED = "0.58", "#d01c8b"
 THICK: dict[str, Any] = {"lw": 4.0, "solid_capstyle": "butt"}
 DASHES = {"slack": (0.0, (4.0, 2.5)), "loose": (0.0, (7.0, 1.5, 1.5, 1.5))}
@@ -92,7 +92,8 @@ def shape_figure(
             if mapping is not None:
                 place = axes_at(figure, LEFT + front[0] + GAP + 0.1, BOTTOM + 0.02, min(side[0], 2.6) - 0.3, 0.12)
                 ends = "neither" if mapping is colours else "both"
-                figure.colorbar(mapping, cax=place, orientation="horizontal", extend=ends).set_label(label)
+                bar = figure.colorbar(mapping, cax=place, orientation="horizontal", extend=ends)
+                bar.set_label(label, parse_math=True)
     return figure
 
 
@@ -150,7 +151,7 @@ def _colours(frame: Frame) -> Any:
 
 
 def _pressures(state: FinalState) -> Any:
-    """Colours of the load along the normals of a closed body, from pale to dark, over all but the ends of its range;
+    """Colours of the pressure outside on a closed body, dark in suction, over all but the ends of its range;
     None for a sheet, and without loads.
     """
     from matplotlib import colormaps
@@ -161,7 +162,7 @@ def _pressures(state: FinalState) -> Any:
     values = surface.loads.C_p
     if values is None or not np.all(np.isfinite(values)) or not SurfaceMesh(surface.position, surface.panels).closed:
         return None
-    cut = ListedColormap(colormaps["viridis_r"](np.linspace(0.05, 1.0, 256)))
+    cut = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.95, 256)))
     order = np.argsort(values, kind="stable")
     share = np.cumsum(surface.loads.area[order])
     low, high = np.interp([ENDS, 1.0 - ENDS], share / share[-1], values[order])
@@ -169,7 +170,7 @@ def _pressures(state: FinalState) -> Any:
 
 
 def _draw_body(axes: "Axes", state: FinalState, view: View, pressures: Any) -> None:
-    """What is seen of a closed body in a view, the nearest in front, in the colours of the load on it."""
+    """What is seen of a closed body in a view, the nearest in front, in the colours of the pressure on it."""
     from matplotlib.collections import PolyCollection
 
     surface = state.surface
@@ -233,7 +234,7 @@ def _entries(state: FinalState) -> tuple[list[Any], list[str]]:
         entries.append((Patch(fc=(*BLUE, 0.45), ec=BLUE, lw=0.5), "wing surface (interface)"))
     frame = state.frame
     if frame is None and _pressures(state) is not None:
-        entries = [(Line2D([], [], ls=""), "a closed body, in the colours of the load on it")]
+        entries = [(Line2D([], [], ls=""), "a closed body, in the colours of the pressure on it")]
     if frame is not None:
         kinds = (frame.two_way, frame.taut, frame.slack, frame.loose)
         springs, taut, slack, loose = (int((which & ~frame.canopy).sum()) for which in kinds)

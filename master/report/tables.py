@@ -241,7 +241,8 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         weight = f"{abs(gravity) * mass:.2f} N{upwards}, " if "gravity" in structural else ""
         rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
-        rows.insert(8, ("lift over drag, with lines", f"{float(aero['glide_ratio']):.3f}"))
+        with_lines = ", with lines" if "line_force" in aero else ""
+        rows.insert(8, (f"lift over drag{with_lines}", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural.get("tension", np.zeros(0))
     lines = scene.members.names
     one_way = scene.members.lines

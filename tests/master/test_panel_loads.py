@@ -1,6 +1,7 @@
 """The loads on the panels as a run shows them: net, in every file, whichever way they went from flow to structure."""
 
 import csv
+import json
 
 import meshio
 import numpy as np
@@ -162,6 +163,23 @@ def test_loads_of_a_moving_kite_add_up_to_its_force(scheme, tmp_path):
     found = fields(tmp_path)
     size = ROUNDING * np.linalg.norm(force)
     np.testing.assert_allclose(found["area_m2"] @ found["load_Pa"], force, rtol=0.0, atol=size)
+
+
+@pytest.mark.parametrize(("name", "stagnation"), [("box_wing", 1.0), ("swept_wing", 0.5)])  # cos^2 of 45 deg of sweep
+def test_pressure_coefficient_of_a_closed_body_is_positive_in_stagnation_and_negative_in_suction(
+    name, stagnation, tmp_path
+):
+    given = {"variant": "sketch", "internal_pressure_coefficient": "0.7"}  # which is not in C_p
+    assert run_scene(name, CHOICES, given, tmp_path) == 0
+    scene, found = scenes.load(name, {"variant": "sketch"}), fields(tmp_path)["C_p"]
+    np.testing.assert_array_equal(found, table(tmp_path)["C_p"])
+    assert found.max() == pytest.approx(stagnation, abs=0.05)  # panels near the nose are as large as its radius
+    up = area_vectors(scene.interface.nodes[scene.interface.panels])[:, 2]
+    above, below = (np.maximum(sign * up, 0.0) for sign in (1.0, -1.0))
+    suction, pressure = found @ above / above.sum(), found @ below / below.sum()
+    assert suction < -0.2
+    lift = json.loads((tmp_path / "summary.json").read_text())["outputs"]["CL"]
+    assert pressure - suction == pytest.approx(lift, rel=0.03)  # along z and not across the wind, on the projected area
 
 
 def test_run_without_a_flow_has_no_pressure_coefficient_and_the_shape_that_hangs(tmp_path):

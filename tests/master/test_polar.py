@@ -339,6 +339,22 @@ def test_the_command_leaves_tables_and_plots(rigid, tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == {"polar.csv", "polar.json"}  # nothing of the one before
 
 
+@pytest.mark.parametrize("betas", [[0.0], [0.0, 5.0]])
+def test_texts_of_the_plots_lie_apart_and_on_the_page(betas):
+    from master.studies.polar.figures import polar_figures
+
+    figures = polar_figures(polar("swept_wing", [0.0, 4.0], betas, settings={"variant": "sketch"}))  # a long title
+    for figure in figures.values():
+        figure.canvas.draw()
+        texts = [*figure.texts, *(t for own in figure.legends for t in own.get_texts())]
+        texts += [axis.label for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
+        boxes = [t.get_window_extent() for t in texts] + [axes.get_window_extent() for axes in figure.axes]
+        for i, box in enumerate(boxes):
+            assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+        assert all(box.x0 >= 0.0 and box.x1 <= figure.bbox.width for box in boxes)
+        assert all(box.y0 >= 0.0 and box.y1 <= figure.bbox.height for box in boxes)
+
+
 def test_one_alpha_at_several_sideslips_is_drawn_over_sideslip(rigid):
     from master.studies.polar.figures import polar_figures
 

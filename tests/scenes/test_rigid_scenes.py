@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 
 import numpy as np
 import pytest
@@ -99,6 +100,20 @@ def test_a_run_solves_the_flow_once_and_leaves_results(rigid, backend, tmp_path)
     assert not written & {"history.csv", "convergence.png", "structure.vtu", "nodes.csv", "elements.csv"}
     assert "coupling iteration" not in (tmp_path / "report.html").read_text()
     assert "no structure" in result.output
+
+
+@pytest.mark.parametrize("backend", ["in-process", "fmu"])
+def test_the_time_of_a_run_is_that_of_its_one_solve(backend, tmp_path):
+    """Of an FMU too, which solves the flow when it is initialised: it takes as long as in this process, not nothing."""
+    core = scenes.load("box_wing", {"variant": "sketch"}).aero_core()
+    begin = time.perf_counter()
+    core.step(0.0, 1.0)
+    took = time.perf_counter() - begin
+    words = ["run", "box_wing", "--set", "variant=sketch", "--backend", backend, "--no-report", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    wall = json.loads((tmp_path / "summary.json").read_text())["wall_time_s"]
+    assert wall["total"] == wall["aero"] > 0.1 * took  # a step that finds the flow solved takes a thousandth
+    assert wall["set_up"] > 0.0
 
 
 def test_a_flow_without_an_answer_is_a_result_that_did_not_converge(tmp_path):

@@ -7,6 +7,7 @@ import contextlib
 import errno
 import itertools
 import os
+import time
 import weakref
 import zipfile
 from collections import deque
@@ -80,7 +81,8 @@ class FmuParticipant(Blocks):
 
     `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
     makes blocks beside those of `name[i,j]` (`own_blocks`): name -> (variables in row-major order, shape). What the
-    FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs.
+    FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs. `initialisation_s` is the time
+    that its initialisation took, in which an FMU computes its outputs for the first time.
     """
 
     def __init__(
@@ -111,8 +113,10 @@ class FmuParticipant(Blocks):
                 reference, value = (c_uint * 1)(self._texts[name]), (c_char_p * 1)(text.encode())
                 self._require(dll.fmi2SetString, self._component, reference, 1, value)
             self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
+            begin = time.perf_counter()
             self._require(dll.fmi2EnterInitializationMode, self._component)
             self._require(dll.fmi2ExitInitializationMode, self._component)
+            self.initialisation_s = time.perf_counter() - begin
             self._initialised = True
         except BaseException:
             self.close()

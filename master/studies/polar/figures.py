@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from master.studies.polar import Polar
 
-LEFT, GAP, RIGHT, TOP, BOTTOM = 0.75, 0.85, 0.12, 0.42, 0.48  # in
+LEFT, GAP, RIGHT, TOP, BOTTOM = 0.75, 0.85, 0.12, 0.55, 0.48  # in
 TALL, BETWEEN = 2.1, 0.55  # in, of a panel and between two rows
 ENTRY = 0.17  # in, of a line of the legend
 MARKS = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
@@ -90,7 +90,7 @@ def _figure(
             place = {"loc": "upper left", "bbox_to_anchor": at, "ncols": 1 + len(curves) // 9}
         figure.legend(handles=_entries(curves), borderaxespad=0.0, handlelength=2.2, **place)
         note = f"moments about the {found.reference.about_what} {_place(found.reference.about)}"
-        figure.text(1.0 - RIGHT / WIDTH, 1.0 - 0.1 / height, note, va="top", ha="right", color="0.35")
+        figure.text(0.12 / WIDTH, 1.0 - 0.28 / height, note, va="top", color="0.35")
     return figure
 
 
