@@ -249,10 +249,11 @@ class PanelModel(AeroModel):
 
     def _case(self, flow, plane):
         lift = lift_direction(flow.direction)
-        nodes, wind, velocity = flow.nodes, flow.wind, flow.velocity
+        nodes, wind, velocity, direction = flow.nodes, flow.wind, flow.velocity, flow.direction
         if plane is not None:
             nodes, wind, lift = plane.inward(nodes, point=True), plane.inward(wind), plane.inward(lift)
             wind = wind * [1.0, 0.0, 1.0]  # what is across the plane is rounding
+            direction = unit(plane.inward(direction) * [1.0, 0.0, 1.0])
             velocity = None if velocity is None else plane.inward(velocity)
         try:
             geometry = PanelGeometry.of(nodes, self._panels)
@@ -267,9 +268,10 @@ class PanelModel(AeroModel):
         speed = float(np.linalg.norm(mean))
         if not speed > 0.0:
             raise StepFailed("the wing moves with the wind, so that no air meets it.")
-        if velocity is not None:
+        if velocity is not None:  # else the direction is that of any speed to the last bit: factors are kept for it
+            direction = mean / speed
             lift = unit(lift - (lift @ mean) * mean / speed**2)
-        return _Case(nodes, geometry, onset, mean / speed, speed, flow.density, lift, plane is not None)
+        return _Case(nodes, geometry, onset, direction, speed, flow.density, lift, plane is not None)
 
     def _check(self, case):
         """StepFailed for a shape or a stream that the method knows nothing of."""

@@ -170,7 +170,7 @@ def test_a_file_that_is_no_toml_is_told_by_its_line(tmp_path):
         Document.read(file)
     with pytest.raises(ValueError, match=r"there is no file .*none\.toml; name a TOML file"):
         Document.read(tmp_path / "none.toml")
-    with pytest.raises(ValueError, match="cannot be read"):
+    with pytest.raises(ValueError, match="is a folder; name a TOML file"):
         Document.read(tmp_path)
 
 
