@@ -446,6 +446,7 @@ def main() -> None:
     except (SystemExit, KeyboardInterrupt) as end:
         exec("")  # else Python, had the interrupt come within an exec or eval, would end by the signal all the same
         if came or isinstance(end, KeyboardInterrupt):
+            sys.unraisablehook = lambda _: None  # threads of a pool that was cut short may meet what is gone already
             raise SystemExit(130) from None
         raise
     finally:

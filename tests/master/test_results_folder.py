@@ -379,7 +379,12 @@ INTERRUPTED = """
 import os, signal, sys, threading, time
 after = float(sys.argv.pop())
 from master.__main__ import main
-threading.Thread(target=lambda: (time.sleep(after), os.kill(os.getpid(), signal.SIGINT)), daemon=True).start()
+def interrupt():
+    while "master.cli" not in sys.modules:  # then it is within main, and loads
+        time.sleep(0.001)
+    time.sleep(after)
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=interrupt, daemon=True).start()
 main()
 time.sleep(5)
 """
