@@ -37,9 +37,7 @@ SetOption = Annotated[
 ]
 
 
-@app.command(
-    short_help="Couple structure and flow of SCENE, to equilibrium or in time; solve the flow of a rigid wing."
-)
+@app.command(short_help="Couple structure and flow of SCENE, or solve the flow of a rigid wing.")
 def run(
     ctx: typer.Context,
     scene: SceneArgument,

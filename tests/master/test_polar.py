@@ -12,6 +12,7 @@ import scenes
 from interface import StepFailed
 from master import polar
 from master.cli import app
+from master.report.results_folder import MARKER
 from master.studies.polar import COEFFICIENTS, RigidWing
 from master.studies.polar.angles import angles, wind_axes
 from scenes.cores import Core
@@ -320,7 +321,7 @@ def test_the_command_leaves_tables_and_plots(rigid, tmp_path):
     result = CliRunner().invoke(app, [*words, "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
     names = {p.name for p in tmp_path.iterdir()}
-    assert names == {"polar.csv", "polar.json", "polar.png", "polar.svg", "sideslip.png", "sideslip.svg"}
+    assert names == {"polar.csv", "polar.json", "polar.png", "polar.svg", "sideslip.png", "sideslip.svg", MARKER}
     rows = [*csv.DictReader(io.StringIO((tmp_path / "polar.csv").read_text()))]
     content = json.loads((tmp_path / "polar.json").read_text())
     assert len(rows) == len(content["points"]) == 12
@@ -336,7 +337,7 @@ def test_the_command_leaves_tables_and_plots(rigid, tmp_path):
     assert "static margin" in result.output
     again = CliRunner().invoke(app, ["polar", str(rigid), "--alpha=0", "--no-report", "--out", str(tmp_path)])
     assert again.exit_code == 0
-    assert {p.name for p in tmp_path.iterdir()} == {"polar.csv", "polar.json"}  # nothing of the one before
+    assert {p.name for p in tmp_path.iterdir()} == {"polar.csv", "polar.json", MARKER}  # nothing of the one before
 
 
 @pytest.mark.parametrize("betas", [[0.0], [0.0, 5.0]])

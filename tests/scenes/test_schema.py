@@ -40,7 +40,7 @@ def test_defaults_pass_their_own_checks():
 @pytest.mark.parametrize(
     ("check", "good", "bad"),
     [
-        (Number(), (0, -1.5, 1e300), (True, "1", None, float("nan"), float("inf"), 10**400, [1.0])),
+        (Number(), (0, -1.5, 1e100), (1e101, True, "1", None, float("nan"), float("inf"), 10**400, [1.0])),
         (Number(above=0.0), (1e-300, 5), (0, 0.0, -1.0)),
         (Number(low=0.0), (0, 0.0), (-1e-300,)),
         (Number(low=0.0, high=1.0), (0, 1.0), (1.0000001, -0.1)),
