@@ -172,7 +172,9 @@ class Sequence:
             case "read":
                 told, content = self.content()
                 status, state = self.one.read(content)
-                self.check(f"DeSerializeFMUstate {told}", status, OK)
+                self.check(f"DeSerializeFMUstate {told}", status, OK if told == "own" else ERROR)
+                if status != OK:  # bytes of no state, or of another FMU's, leave none
+                    return
                 self.states.append(state.value)
                 (self.bad.discard if told == "own" else self.bad.add)(state.value)
                 if rng.random() < 0.5:

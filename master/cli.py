@@ -37,7 +37,7 @@ SetOption = Annotated[
 ]
 
 
-@app.command(short_help="Couple structure and flow of SCENE, or solve the flow of a rigid wing.")
+@app.command(short_help="Couple structure and flow of SCENE; solve a rigid wing's flow.")
 def run(
     ctx: typer.Context,
     scene: SceneArgument,
@@ -138,7 +138,7 @@ def run(
     )
 
 
-@app.command(short_help="Build the structural and the aerodynamic FMU of SCENE; of a rigid wing the latter.")
+@app.command(short_help="Build the structural and the aerodynamic FMU of SCENE.")
 def build(
     scene: SceneArgument,
     out: Annotated[Path, typer.Option(help="Folder for the FMUs.")] = Path("results/fmus"),

@@ -54,7 +54,7 @@ def test_a_structure_narrower_than_its_design_takes_the_polars_of_where_it_stand
     folder = copy_of("typical_section", tmp_path)
     header = "section,polar,le_x_m,le_y_m,le_z_m,te_x_m,te_y_m,te_z_m\n"
     y = np.arange(-5, 6)
-    (folder / "sections.csv").write_text(header + "".join(f"{v},p{v},0,{v},0,1,{v},0\n" for v in y))
+    (folder / "sections.csv").write_text(header + "".join(f"at{v},p{v},0,{v},0,1,{v},0\n" for v in y))
     rows = "".join(f"p{v},{a},{v},0,0\n" for v in y for a in (-90, 90))
     (folder / "polars.csv").write_text("polar,alpha_deg,cl,cd,cm\n" + rows)
     nodes = (folder / "nodes.csv").read_text().replace("-0.5,", "-3.0,").replace(",0.5,", ",4.0,")
