@@ -131,6 +131,6 @@ def test_a_folder_that_cannot_be_written_to_is_one_sentence(tmp_path, monkeypatc
     monkeypatch.setattr("fmus.builder.os.replace", full)
     result = CliRunner().invoke(app, ["build", "typical_section", "--ssp", "--out", str(tmp_path)])
     assert result.exit_code == 2
-    assert "(no space left on device)" in result.stderr
+    assert "cannot be made a folder (no space left on device)" in result.stderr
     assert result.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -49,8 +49,8 @@ def test_the_box_wing_lifts_as_a_panel_method_says_it_does():
     core = solved("box_wing")
     pressure = 0.5 * 1.225 * 10.0**2 * 24.0
     assert float(core.get("CL")) == pytest.approx(0.523, rel=0.01)  # of the limit
-    # 0.6 % with 78 panels round the profile, below 0.1 % with 158 (docs/verification.md)
-    assert float(core.get("trefftz_lift")) / pressure == pytest.approx(float(core.get("CL")), rel=0.01)
+    # 0.56 % with 78 panels round the profile, below 0.1 % with 158 (docs/verification.md)
+    assert float(core.get("trefftz_lift")) / pressure == pytest.approx(float(core.get("CL")), rel=0.006)
     assert float(core.get("span_efficiency")) == pytest.approx(1.42, abs=0.04)  # 28 strips a half: 0.03 above
     assert bool(core.get("symmetry_used"))
     assert float(core.get("reference_area_misfit")) < 1.25  # twice span times chord
