@@ -108,6 +108,7 @@ class AeroModel:
     title: str = ""  # what it is, as a sentence about it would call it
     variables: tuple[Variable, ...] = ()  # parameters that it takes and outputs that it gives
     strips: StripLayout | None = None  # strips along the span, where it has some
+    smooth: bool = False  # whether its loads change evenly over tens of degrees of the angle of attack: no stall
     criteria: tuple[Criterion, ...] = ()  # what its answer is judged by, of its outputs: up to where it is good
 
     def solve(self, flow: Flow, values: Values, state: Any = None) -> Response:

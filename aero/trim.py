@@ -1,4 +1,4 @@
-"""The attitude in which a rigid wing does not pitch."""
+"""The attitudes in which a rigid wing does not pitch."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,36 +8,51 @@ import numpy as np
 from scipy.optimize import brentq
 
 # Scan step of the search for a sign change; pitching moment curves of kites have one stable zero within tens of
-# degrees.
-STEP = np.deg2rad(2.5)
+# degrees. Those of flow that never stalls bend less.
+STEP, SMOOTH_STEP = np.deg2rad(2.5), np.deg2rad(5.0)
 
 
 @dataclass(frozen=True)
-class Trim:
-    """The trim `angle` rad, None where there is none; the moments N m at the `first` and the `last` angle that were
-    looked at.
+class TrimPoint:
+    """An `angle` rad at which nothing pitches the wing, `stable` where the moment falls with the angle, and its `lift`
+    there, in whatever unit it was given.
     """
 
-    angle: float | None
+    angle: float
+    stable: bool
+    lift: float
+
+
+@dataclass(frozen=True)
+class Trims:
+    """All `points` between two angles, in the order of their angle, and the moments N m at the `first` and the `last`
+    angle that were looked at.
+    """
+
+    points: tuple[TrimPoint, ...]
     first: float
     last: float
 
     @property
-    def rises(self) -> bool:
-        """Whether the moment rises through zero: the angle between is not a stable one."""
-        return self.first < 0.0 < self.last
+    def start(self) -> TrimPoint | None:
+        """The first point that is stable and lifts, None without one."""
+        return next((p for p in self.points if p.stable and p.lift > 0.0), None)
 
 
-def stable_trim(moment: Callable[[float], float], low: float, high: float) -> Trim:
-    """The first angle between `low` and `high` rad where the pitching moment N m, nose-up positive, falls through zero.
+def trims(loads: Callable[[float], tuple[float, float]], low: float, high: float, step: float = STEP) -> Trims:
+    """The angles between `low` and `high` rad where the pitching moment N m, nose-up positive, goes through zero.
 
-    The search goes up from `low` and ends at that angle. Accurate to 1e-6 rad.
+    `loads` gives moment and lift at an angle. Of two zeros within one `step` rad both may be missed. Angles are
+    accurate to 1e-6 rad.
     """
-    angles = np.linspace(low, high, max(2, int(np.ceil((high - low) / STEP)) + 1))
-    before = first = moment(angles[0])
+    angles = np.linspace(low, high, max(2, int(np.ceil((high - low) / step)) + 1)).tolist()
+    points = []
+    before = first = loads(angles[0])[0]
     for left, right in pairwise(angles):
-        after = moment(right)
-        if before > 0.0 >= after:
-            return Trim(float(brentq(moment, left, right, xtol=1e-6)), first, after)
+        after = loads(right)[0]
+        falls, rises = before > 0.0 >= after, before < 0.0 <= after
+        if falls or rises:
+            angle = float(brentq(lambda a: loads(a)[0], left, right, xtol=1e-6))
+            points.append(TrimPoint(angle, falls, loads(angle)[1]))
         before = after
-    return Trim(None, first, before)
+    return Trims(tuple(points), first, before)

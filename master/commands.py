@@ -163,7 +163,7 @@ def _run_quasi_static(job: Job, cores: dict[str, Any], live: bool) -> int:
         run = coupled_run(coupling, used, choices["stability"], shown, scene.remarks, hold=writer, **options)
         if run.status in ("converged", "statically_unstable"):
             writer.end(run.result)
-    run.remarks.extend(remarks + writer.remarks + scene.notes() + _hints(scene, given, run))
+    run.remarks.extend(remarks + writer.remarks + scene.notes() + scene.trim_notes(given) + _hints(scene, given, run))
     _write(job, run, ready - begin, cores)
     return _exit_code(job, run)
 

@@ -25,6 +25,7 @@ from .schema import (
 
 if TYPE_CHECKING:
     from aero.model import AeroModel
+    from aero.trim import Trims
 
     from .cores import Core
     from .cores.heading import Heading
@@ -82,6 +83,11 @@ class Start:
         """The same of displacements (m,3) m of the interface."""
         same = np.allclose(displacement, self.drawn_displacement, rtol=0.0, atol=SAME)
         return self.displacement if same else displacement
+
+
+def _key(parameters: Mapping[str, Any]) -> str:
+    """One word for parameters, whatever their order."""
+    return repr(sorted((name, np.asarray(value, dtype=float).tolist()) for name, value in parameters.items()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,14 +328,49 @@ class Scene:
     def trim_angle(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> float:
         """Rigid rotation (rad, nose-up) about the pivot with no pitching moment: where a coupled solve starts.
 
-        Zero for a scene that is not free to pitch. `parameters` override the start values of the cores; `cores` of this
-        scene, where there are some, take them and are as they were otherwise.
+        Zero for a scene that is not free to pitch; else the start of `trims`, with its arguments.
         """
         if self.trim is None:
             return 0.0
-        from .cores.trim import trim_angle
+        start = self.trims(parameters, cores).start
+        assert start is not None
+        return start.angle
 
-        return trim_angle(self, dict(parameters or {}), cores or self.cores())
+    def trims(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> "Trims":
+        """All rotations (rad, nose-up) about the pivot between those of [trim] at which the rigid wing does not pitch.
+
+        `parameters` override the start values of the cores; `cores` of this scene, where there are some, take them and
+        are as they were otherwise. SceneError where none is stable and lifts, and for a scene that is not free to
+        pitch.
+        """
+        if self.trim is None:
+            raise SceneError(f"scene '{self.name}' is not free to pitch: its scene.toml has no [trim].")
+        from .cores.trim import trim_points
+
+        given = dict(parameters or {})
+        found = trim_points(self, given, cores or self.cores())
+        self._trims[_key(given)] = found
+        return found
+
+    @cached_property
+    def _trims(self) -> "dict[str, Trims]":
+        """What was found for parameters."""
+        return {}
+
+    def trim_notes(self, parameters: Mapping[str, Any]) -> list[str]:
+        """A sentence on further attitudes in which the rigid wing would not pitch, where a start was looked for with
+        these parameters and there are some.
+        """
+        found = self._trims.get(_key({k: v for k, v in parameters.items() if k != "trim_angle"}))
+        if found is None or found.start is None or len(found.points) < 2:
+            return []
+        more = [
+            f"{np.rad2deg(p.angle):.2f} deg ({'' if p.stable else 'un'}stable{'' if p.lift > 0.0 else ', no lift'})"
+            for p in found.points
+            if p is not found.start
+        ]
+        at = f"{np.rad2deg(found.start.angle):.2f} deg"
+        return [f"started where the rigid wing does not pitch, turned by {at}; it does not at {', '.join(more)} either"]
 
     def with_trim(self, parameters: Mapping[str, Any] | None = None, cores: "Cores | None" = None) -> dict[str, Any]:
         """The parameters, and where the scene is a kite that is free to turn, what makes it start in their wind: the

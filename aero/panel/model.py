@@ -99,7 +99,7 @@ class PanelModel(AeroModel):
     mirrors the wing; the interface is the whole wing.
     """
 
-    title = "the 3D panel method"
+    title, smooth = "the 3D panel method", True
 
     def __init__(self, wing):
         nodes, panels, options = wing.mesh.nodes, wing.mesh.panels, wing.options

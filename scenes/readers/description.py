@@ -133,11 +133,12 @@ def read_description(folder: Path, settings: Mapping[str, Any]) -> Description:
 def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Name -> section, None where the scene has none."""
     absent = {section for section in _OPTIONAL if section not in content and section not in changes}
-    needed = ("aero", "wing"), ("aero", "body"), ("wing", "trim")
+    needed = [("aero", "wing"), ("aero", "body")]
+    needed += [("wing", "trim")] if "body" in absent else []
     lacks = next((n for n, o in needed if n in absent and o not in absent), None)
     if lacks:
         raise SceneError(
-            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing], [wing] and [body] need [aero]; a scene "
+            f"{label} lacks a section [{lacks}]; add it ([trim] needs [wing] or [body], which need [aero]; a scene "
             "without a wing has a flow around its lines, or none)."
         )
     rigid = not any(section in content or section in changes for section in ("structure", "membranes"))
