@@ -5,13 +5,14 @@
 
 from .line_drag import LinesInWind, line_loads, line_loads_derivative
 from .model import AeroModel, Flow, Response, StripLayout, Wing
-from .wind import Coefficients, Gusts, coefficients, glide_ratio
+from .wind import Coefficients, Gusts, LinearField, coefficients, glide_ratio
 
 __all__ = [
     "AeroModel",
     "Coefficients",
     "Flow",
     "Gusts",
+    "LinearField",
     "LinesInWind",
     "Response",
     "StripLayout",

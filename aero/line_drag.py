@@ -13,6 +13,8 @@ from .model import AeroModel, Flow, Response
 
 __all__ = ["FRICTION", "LAWS", "NORMAL_DRAG", "LinesInWind", "line_loads", "line_loads_derivative"]
 
+MEAN_POINTS = 0.5 - np.sqrt(1.0 / 12.0), 0.5 + np.sqrt(1.0 / 12.0)  # of Gauss, of the way along a line
+
 
 def line_loads(ends, diameter, velocity, density=1.225, normal_drag=NORMAL_DRAG, friction=FRICTION, law="inclined"):
     """Load N/m (k,3) per length of straight lines between `ends` (k,2,3) m in air that passes with `velocity` m/s.
@@ -29,7 +31,8 @@ def line_loads_derivative(ends, direction, *air):
 
 
 class LinesInWind(AeroModel):
-    """Drag of the `lines` (k,2) of an interface, of `diameter` (k,) m, in the wind minus their own velocity.
+    """Drag of the `lines` (k,2) of an interface, of `diameter` (k,) m, in the wind minus their own velocity; where the
+    wind has a field, the mean of it along each line.
 
     `law` see `interface.line_drag`; `normal_drag` and `friction` are the start values of its coefficients, `about` says
     in words about which point moments are. In a `transient` case the air around the lines can have inertia, from
@@ -72,13 +75,26 @@ class LinesInWind(AeroModel):
         """See AeroModel: inertia does."""
         return "added_mass_coefficient" in values and float(values["added_mass_coefficient"]) > 0.0
 
+    def _load(self, ends, flow, values):
+        """Load N/m (k,3) on lines between `ends` (k,2,3) m: that at their middles in a uniform wind, in another one the
+        mean along them, exact where it grows with the square of the place (two points of Gauss).
+        """
+        speeds = None if flow.velocity is None else flow.velocity[self._lines]
+        if flow.field is None:
+            wind = flow.wind if speeds is None else flow.wind - speeds.mean(axis=1)
+            return line_loads(ends, *self._air(flow, values, wind))
+        load = 0.0
+        for share in MEAN_POINTS:
+            wind = flow.air(ends[:, 0] + share * (ends[:, 1] - ends[:, 0]))
+            wind = wind if speeds is None else wind - speeds[:, 0] - share * (speeds[:, 1] - speeds[:, 0])
+            load = load + 0.5 * line_loads(ends, *self._air(flow, values, wind))
+        return load
+
     def solve(self, flow: Flow, values, state=None):
         """See AeroModel."""
-        ends, wind, own = flow.nodes[self._lines], flow.wind, None
-        if flow.velocity is not None:
-            own = flow.velocity[self._lines].mean(axis=1)
-            wind = wind - own
-        load = line_loads(ends, *self._air(flow, values, wind))
+        ends = flow.nodes[self._lines]
+        own = None if flow.velocity is None else flow.velocity[self._lines].mean(axis=1)
+        load = self._load(ends, flow, values)
         if self.history_dependent(values) and flow.dt > 0.0 and state is not None:
             coefficient = float(values["added_mass_coefficient"])
             acceleration = (own - state) / flow.dt
@@ -91,5 +107,10 @@ class LinesInWind(AeroModel):
 
     def derivative(self, flow: Flow, values, state):
         """See AeroModel: exact to rounding, for lines at rest."""
-        ends, air = flow.nodes[self._lines], self._air(flow, values, flow.wind)
-        return lambda change: {"line_load": line_loads_derivative(ends, change[self._lines], *air)}
+        ends = flow.nodes[self._lines]
+
+        def derivative(change):
+            stepped, size = moved(ends, change[self._lines])
+            return {"line_load": self._load(stepped, flow, values).imag / STEP * size}
+
+        return derivative

@@ -6,12 +6,15 @@ that cores, FMU pages and reports need not know which model they have.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as of_default
 from typing import Any
 
 import numpy as np
 
 from interface import Criterion, SurfaceMesh, Variable
+
+from .wind import LinearField
 
 Values = Mapping[str, np.ndarray]
 Derivative = Callable[[np.ndarray], dict[str, np.ndarray]]
@@ -21,21 +24,37 @@ Derivative = Callable[[np.ndarray], dict[str, np.ndarray]]
 class Flow:
     """What a model is to answer: interface `nodes` (n,3) m as displaced, in a wind of `speed` m/s to the `direction`
     (3,), a unit vector, of air of `density` kg/m^3; moments are about the point `about` (3,) m. Moving nodes have a
-    `velocity` (n,3) m/s; `dt` s is the length of the step that ends here, 0 to look only.
+    `velocity` (n,3) m/s; `dt` s is the length of the step that ends here, 0 to look only. A wind that is not the same
+    everywhere has a `field` beside; `speed` and `direction` are those of its uniform part.
     """
 
     nodes: np.ndarray
     direction: np.ndarray
     speed: float
     density: float = 1.225
-    about: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    about: np.ndarray = of_default(default_factory=lambda: np.zeros(3))
     velocity: np.ndarray | None = None
     dt: float = 0.0
+    field: LinearField | None = None
 
     @property
     def wind(self) -> np.ndarray:
-        """Velocity (3,) m/s of the undisturbed air."""
+        """Velocity (3,) m/s of the undisturbed air, of its uniform part where it has a field."""
         return self.speed * self.direction
+
+    @property
+    def motion(self) -> np.ndarray | None:
+        """Velocity (n,3) m/s of the nodes against air in which `wind` blows everywhere: their own less that of the
+        field at them; None where they are at rest in such air.
+        """
+        if self.field is None:
+            return self.velocity
+        beside = self.field.velocity(self.nodes)
+        return -beside if self.velocity is None else self.velocity - beside
+
+    def air(self, points: np.ndarray) -> np.ndarray:
+        """Velocity (...,3) m/s of the undisturbed air at points (...,3) m."""
+        return self.wind if self.field is None else self.wind + self.field.velocity(points)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,6 @@
-"""The wind: gusts over time, and coefficients of forces in its axes: along it, across it upwards, and to the side."""
+"""The wind: gusts over time, how it changes from place to place, and coefficients of forces in its axes: along it,
+across it upwards, and to the side.
+"""
 
 from dataclasses import dataclass
 
@@ -42,6 +44,50 @@ class Gusts:
                 f"the wind speed would be {speed:.3g} m/s at {t:.6g} s; gust_speed must be above -wind_speed."
             )
         return speed
+
+
+@dataclass(frozen=True, eq=False)
+class LinearField:
+    """A velocity of the air beside that of a uniform wind, linear in space: `offset` (3,) m/s at the point `at` (3,) m,
+    and from there on the `gradient` (3,3) 1/s times the way.
+    """
+
+    at: np.ndarray
+    offset: np.ndarray
+    gradient: np.ndarray
+
+    @classmethod
+    def along_line(cls, wind, ground, top, share):
+        """What makes the `wind` (3,) m/s at the point `top` grow from `share` of it at the point `ground`, (3,) m both,
+        linearly along the line between them and alike across it: the apparent wind along a tether that turns about its
+        ground station (ram-air thesis, section 4.3), with the share 0. ValueError where the points are one.
+        """
+        way = top - ground
+        square = float(way @ way)
+        if not square > 0.0:
+            raise ValueError("ground_point and kite_point are one point, and a line needs two; move one of them.")
+        return cls(np.array(top), np.zeros(3), (1.0 - share) * np.outer(wind, way) / square)
+
+    @classmethod
+    def rotation(cls, rate, centre):
+        """What a body meets that turns as a rigid one at the angular velocity `rate` (3,) rad/s about the point
+        `centre` (3,) m: -rate x (x - centre).
+        """
+        a, b, c = (float(w) for w in rate)
+        return cls(np.array(centre), np.zeros(3), np.array([[0.0, c, -b], [-c, 0.0, a], [b, -a, 0.0]]))
+
+    def __add__(self, other):
+        """Both together."""
+        return LinearField(self.at, self.offset + other.velocity(self.at), self.gradient + other.gradient)
+
+    def velocity(self, points):
+        """Velocity (...,3) m/s at points (...,3) m."""
+        return self.offset + (points - self.at) @ self.gradient.T
+
+    def inward(self, plane):
+        """The field in the axes in which an `UprightPlane` is y = 0."""
+        gradient = plane.inward(plane.inward(self.gradient).T).T
+        return LinearField(plane.inward(self.at, point=True), plane.inward(self.offset), gradient)
 
 
 @dataclass(frozen=True)

@@ -213,6 +213,18 @@ def named_directions(value: Any) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
+class TableOf:
+    """One table, filled into a dataclass `kind` as sections are."""
+
+    kind: type
+
+    def __call__(self, value: Any) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            raise Wrong("a table")
+        return value
+
+
+@dataclass(frozen=True)
 class Tables:
     """Tables by name, each of them filled into a dataclass `kind` as sections are."""
 
@@ -290,6 +302,27 @@ class WingInput:
 
 
 @dataclass(frozen=True)
+class LinearWindInput:
+    """[aero.linear_wind]: a wind that grows along the line from the point `ground` (3,) m, where it has `ground_share`
+    of its speed, to the point `kite` (3,) m, where it has all of it; none: the point that moments are about.
+    """
+
+    ground: Annotated[tuple[float, ...], a_point] = field(kw_only=True)
+    kite: Annotated[tuple[float, ...], a_point] | None = None
+    ground_share: Annotated[float, Number(low=0.0, high=10.0)] = 0.0
+
+
+@dataclass(frozen=True)
+class RotationInput:
+    """[aero.rotation]: the flow that a kite meets as it turns at the angular velocity `rate` (3,) rad/s about the point
+    `centre` (3,) m; none: the point that moments are about.
+    """
+
+    rate: Annotated[tuple[float, ...], a_point] = field(kw_only=True)
+    centre: Annotated[tuple[float, ...], a_point] | None = None
+
+
+@dataclass(frozen=True)
 class AeroInput:
     """[aero]: the wind and the `method` for the flow around the wing.
 
@@ -297,7 +330,8 @@ class AeroInput:
     coefficients; `line_normal_drag` and `line_friction` are coefficients of lines in the wind. `reference_chord` and
     `reference_span` m are lengths of the moment coefficients of `kitecosim polar`; `reference_point` (3,) m is what
     moments are about in a scene without a pivot. `symmetric`: solve one half, in a scene without [structure], which
-    says it else. `options` are the keys that only this method has.
+    says it else. `linear_wind` and `rotation` are tables: a wind that differs from place to place. `options` are the
+    keys that only this method has.
     """
 
     method: Annotated[str, a_method] = "vortex-step"
@@ -311,6 +345,8 @@ class AeroInput:
     reference_span: Positive | None = None
     reference_point: Annotated[tuple[float, ...], a_point] | None = None
     symmetric: Flag | None = None
+    linear_wind: Annotated[LinearWindInput | None, TableOf(LinearWindInput)] = None
+    rotation: Annotated[RotationInput | None, TableOf(RotationInput)] = None
     options: dict[str, Any] = field(default_factory=dict)
 
 

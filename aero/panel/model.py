@@ -66,7 +66,8 @@ class _Case:
     """A shape in a stream, in axes where the plane of symmetry is y = 0 if one half is solved.
 
     `nodes` (n,3) m with their panels' `geometry`; the `onset` at these, (3,) or (m,3) m/s, its mean `direction` (3,)
-    and `speed` m/s; the `density` kg/m^3 and the upward direction `lift` (3,) across the stream.
+    and `speed` m/s, and where it is not the same everywhere its mean on each strip, `on_strips` (s,3) m/s; the
+    `density` kg/m^3 and the upward direction `lift` (3,) across the stream.
     """
 
     nodes: np.ndarray
@@ -77,11 +78,24 @@ class _Case:
     density: float
     lift: np.ndarray
     symmetric: bool
+    on_strips: np.ndarray | None = None
 
     @property
     def dynamic_pressure(self):
         """Pa of the mean stream."""
         return 0.5 * self.density * self.speed**2
+
+    @property
+    def strip_directions(self):
+        """Direction of the stream that the strips meet, (3,) or (s,3)."""
+        return self.direction if self.on_strips is None else unit(self.on_strips)
+
+    @property
+    def strip_pressures(self):
+        """Dynamic pressure Pa that the strips meet, a number or (s,)."""
+        if self.on_strips is None:
+            return self.dynamic_pressure
+        return 0.5 * self.density * np.einsum("sc,sc->s", self.on_strips, self.on_strips)
 
     @property
     def side(self):
@@ -93,8 +107,9 @@ class PanelModel(AeroModel):
     """A closed `wing` (`aero.model.Wing`) in a stream by the panel method.
 
     The outer pressure is traction that keeps its direction, -C_p q n; the inner one, `internal_pressure_coefficient` q,
-    pressure that turns with the surface. Nodes that move meet the wind less their own velocity, panel by panel; C_p is
-    that of the dynamic pressure there, and the wake goes along the mean of it.
+    pressure that turns with the surface. Nodes that move meet the wind less their own velocity, panel by panel, and
+    where the wind has a field, what it is there; C_p is that of the dynamic pressure there, what strips say is of the
+    mean on them, and the wake goes along the mean of all.
     One half is solved where `symmetric` asks for it and shape, motion and wind all are, in the upright plane that
     mirrors the wing; the interface is the whole wing.
     """
@@ -239,8 +254,9 @@ class PanelModel(AeroModel):
         if plane is None or abs(plane.inward(flow.direction)[1]) > WIND_ASYMMETRY:
             return None
         mirrored = self._mirrored(plane.inward(flow.nodes, point=True), POSITION_ASYMMETRY)
-        if flow.velocity is not None:
-            mirrored = mirrored and self._mirrored(plane.inward(flow.velocity), VELOCITY_ASYMMETRY)
+        motion = flow.motion
+        if motion is not None:
+            mirrored = mirrored and self._mirrored(plane.inward(motion), VELOCITY_ASYMMETRY)
         return plane if mirrored else None
 
     def _mirrored(self, vectors, tolerance):
@@ -249,7 +265,7 @@ class PanelModel(AeroModel):
 
     def _case(self, flow, plane):
         lift = lift_direction(flow.direction)
-        nodes, wind, velocity, direction = flow.nodes, flow.wind, flow.velocity, flow.direction
+        nodes, wind, velocity, direction = flow.nodes, flow.wind, flow.motion, flow.direction
         if plane is not None:
             nodes, wind, lift = plane.inward(nodes, point=True), plane.inward(wind), plane.inward(lift)
             wind = wind * [1.0, 0.0, 1.0]  # what is across the plane is rounding
@@ -259,7 +275,7 @@ class PanelModel(AeroModel):
             geometry = PanelGeometry.of(nodes, self._panels)
         except ValueError as error:
             raise StepFailed(f"the displaced wing is degenerate: {error}") from None
-        mean, onset = wind, wind
+        mean, onset, on_strips = wind, wind, None
         if velocity is not None:
             corners = nodes[self._panels]
             onset = wind - np.einsum("mi,mic->mc", corner_shares(corners), velocity[self._panels])
@@ -268,10 +284,12 @@ class PanelModel(AeroModel):
         speed = float(np.linalg.norm(mean))
         if not speed > 0.0:
             raise StepFailed("the wing moves with the wind, so that no air meets it.")
+        if velocity is not None and self._strips.whole:
+            on_strips = self._strips.means(onset, geometry.area)
         if velocity is not None:  # else the direction is that of any speed to the last bit: factors are kept for it
             direction = mean / speed
             lift = unit(lift - (lift @ mean) * mean / speed**2)
-        return _Case(nodes, geometry, onset, direction, speed, flow.density, lift, plane is not None)
+        return _Case(nodes, geometry, onset, direction, speed, flow.density, lift, plane is not None, on_strips)
 
     def _check(self, case):
         """StepFailed for a shape or a stream that the method knows nothing of."""
@@ -395,7 +413,8 @@ class PanelModel(AeroModel):
         if wake.segments:
             nodes = nodes.copy()
             nodes[ends.T] = np.stack(wake.far_ends)
-        return far_wake(nodes, ends, jumps, case.direction, case.speed, case.density)
+        speed = case.speed if case.on_strips is None else case.on_strips @ case.direction
+        return far_wake(nodes, ends, jumps, case.direction, speed, case.density)
 
     def _in_trefftz_plane(self, case, far, jumps):
         per_width = far.strip_force / np.where(far.width > 0.0, far.width, np.inf)[:, None]
@@ -411,9 +430,9 @@ class PanelModel(AeroModel):
 
     def _sections(self, case, far, jumps, velocity, values):
         """Traction (m,3) Pa of the profile drag, and outputs of strips with a chord."""
-        strips, g, q = self._strips, case.geometry, case.dynamic_pressure
+        strips, g, q, direction = self._strips, case.geometry, case.strip_pressures, case.strip_directions
         chord = strips.chords(case.nodes, g.centre)
-        length, alpha = np.linalg.norm(chord, axis=1), strips.angles(case.nodes, chord, case.direction)
+        length, alpha = np.linalg.norm(chord, axis=1), strips.angles(case.nodes, chord, direction)
         viscosity = float(values["kinematic_viscosity"])
         at = strips.separations(case.nodes, g.centre, velocity, viscosity, self._transition)
         separated = at < ATTACHED
@@ -426,13 +445,13 @@ class PanelModel(AeroModel):
         drag = q * area * cd
         mean = float(area.sum() / far.width.sum())
         criterion = self.criteria[0]
-        return strips.spread(drag[:, None] * case.direction, g.area), {
+        return strips.spread(drag[:, None] * direction, g.area), {
             "alpha": alpha,
             "separation": at,
             "separated": separated.astype(float),
             criterion.name: np.count_nonzero(separated),
             criterion.place: worst(np.where(separated, 1.0 - at, 0.0))[1],
-            "profile_drag": float(drag.sum()),
+            "profile_drag": float((drag if case.on_strips is None else drag * (direction @ case.direction)).sum()),
             "reynolds_number": case.speed * mean / viscosity,
             "alpha_mid": self._mid_angle(case, chord),
         }

@@ -73,11 +73,12 @@ class Strips:
         return np.linalg.norm(cross(b - a, np.broadcast_to(direction, a.shape)), axis=1)
 
     def angles(self, nodes, chord, direction):
-        """Angles (s,) rad of the chords (s,3) to the stream in the planes across the trailing edges, positive where the
-        stream comes from the lower side.
+        """Angles (s,) rad of the chords (s,3) to the stream, in the planes across the trailing edges, positive where
+        it comes from the lower side; its `direction` is one (3,) or that at each strip (s,3).
         """
         edge = unit(nodes[self.ends[:, 1]] - nodes[self.ends[:, 0]])
-        along = direction - (edge @ direction)[:, None] * edge
+        across = edge @ direction if direction.ndim == 1 else np.einsum("sc,sc->s", edge, direction)
+        along = direction - across[:, None] * edge
         up = cross(chord, edge)
         chord = cross(edge, up)
         return np.arctan2(
@@ -95,6 +96,13 @@ class Strips:
             if side is not None:
                 found[i] = min(1.0, separation(side.way, side.speed, viscosity, transition) / side.length)
         return found
+
+    def means(self, values, area):
+        """Means (s,3) of values (m,3) over the panels of strips, by their `area` (m,) m^2."""
+        on = self.of_panel >= 0
+        found = np.zeros((len(self.ends), 3))
+        np.add.at(found, self.of_panel[on], values[on] * area[on, None])
+        return found / np.bincount(self.of_panel[on], weights=area[on], minlength=len(self.ends))[:, None]
 
     def spread(self, values, area):
         """What strips (s,...) carry, as panels (m,...) carry it per area (m,) m^2, alike all over a strip; the panels

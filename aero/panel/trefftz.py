@@ -48,12 +48,13 @@ class FarWake:
 
 def far_wake(nodes, ends, jumps, direction, speed, density):
     """The `FarWake` of strips that leave the `nodes` (n,3) m between their `ends` (s,2), a and b, with `jumps` (s,)
-    m^2/s of doublets whose normal is direction x (b - a), in a stream of `speed` m/s along the unit vector `direction`
-    (3,) and of `density` kg/m^3.
+    m^2/s of doublets whose normal is direction x (b - a), in a stream of `speed` m/s, a number or that of each strip
+    (s,), along the unit vector `direction` (3,) and of `density` kg/m^3.
     """
     flat = nodes - np.outer(nodes @ direction, direction)
     a, b = flat[ends[:, 0]], flat[ends[:, 1]]
     across = cross(b - a, np.broadcast_to(direction, a.shape))  # against the normal, as long as the strip is wide
+    speed = np.asarray(speed)[..., None]
     force, width = density * speed * jumps[:, None] * across, np.linalg.norm(across, axis=1)
     if not len(jumps):
         return FarWake(force, width, 0.0)

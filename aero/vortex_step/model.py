@@ -34,7 +34,7 @@ OF_TIPS = Criterion(
 
 
 class VortexStepModel(AeroModel):
-    """A `VortexStep` wing in a uniform wind; the state is the circulation (n,) m^2/s, a warm start.
+    """A `VortexStep` wing in the wind; the state is the circulation (n,) m^2/s, a warm start.
 
     One half is solved and mirrored where `symmetric` asks for it and flow, shape, motion and polars all are, in the
     upright plane half way between the tips; here `symmetric` is its start value. In a `transient` case it says how fast
@@ -115,7 +115,7 @@ class VortexStepModel(AeroModel):
         wing = self.wing.in_air(flow.density)
         with np.errstate(all="ignore"):
             try:
-                loads = wing.loads(seen.nodes, seen.wind, state, plane is not None, seen.velocity)
+                loads = wing.loads(seen.nodes, seen.wind, state, plane is not None, seen.velocity, seen.field)
             except np.linalg.LinAlgError:
                 loads = None
         if loads is None or not np.all(np.isfinite(loads.force)):
@@ -141,9 +141,9 @@ class VortexStepModel(AeroModel):
         plane = UprightPlane.between(flow.nodes[sections[0]], flow.nodes[sections[-1]])
         if plane is None or abs(plane.inward(flow.direction)[1]) > WIND_ASYMMETRY:
             return None
-        moving = flow.velocity is not None
+        motion = flow.motion
         mirrored = self._mirrored(plane.inward(flow.nodes, point=True), POSITION_ASYMMETRY)
-        mirrored = mirrored and (not moving or self._mirrored(plane.inward(flow.velocity), VELOCITY_ASYMMETRY))
+        mirrored = mirrored and (motion is None or self._mirrored(plane.inward(motion), VELOCITY_ASYMMETRY))
         return plane if mirrored else None
 
     def _mirrored(self, vectors, tolerance):
@@ -155,7 +155,8 @@ class VortexStepModel(AeroModel):
         found, sections = loads.circulation, flow.nodes[self.wing.grid.sections]
         bound = loads.strips.bound
         out = {"pressure": loads.pressure} | ({} if loads.shear is None else {"shear": loads.shear})
-        out |= {"alpha_mid": mid_span_angle(sections, flow.direction), "alpha": found.alpha}
+        direction = flow.direction if flow.field is None else flow.air(mid_span_chord(sections).mean(axis=0))
+        out |= {"alpha_mid": mid_span_angle(sections, direction), "alpha": found.alpha}
         shift = np.zeros(len(found.alpha))
         if self.wing.camber:
             shift = out["camber_shift"] = -self.wing.grid.camber(sections, loads.strips.normal)[0]
@@ -207,7 +208,7 @@ class VortexStepModel(AeroModel):
         seen = flow if plane is None else _inward(flow, plane)
         wing, viscosity = self.wing.in_air(flow.density), float(values["stall_viscosity"])
         try:
-            along = WingSensitivity(wing, seen.nodes, seen.wind, state, viscosity, plane is not None)
+            along = WingSensitivity(wing, seen.nodes, seen.wind, state, viscosity, plane is not None, seen.field)
         except np.linalg.LinAlgError:
             raise ValueError("the circulation is at a fold of its solutions, where it has no derivative.") from None
 
@@ -260,6 +261,7 @@ def _inward(flow, plane):
         direction=direction,
         about=plane.inward(flow.about, point=True),
         velocity=None if flow.velocity is None else plane.inward(flow.velocity),
+        field=None if flow.field is None else flow.field.inward(plane),
     )
 
 
@@ -270,12 +272,17 @@ def mid_span_axis(sections):
     return across / np.linalg.norm(across)
 
 
+def mid_span_chord(sections):
+    """Stations (k+1,3) m at the middle of the span: the mean of the middle `sections`, (n+1,k+1,3) m."""
+    n = len(sections)
+    return 0.5 * (sections[(n - 1) // 2] + sections[n // 2])
+
+
 def mid_span_angle(sections, direction):
-    """Angle rad of the chord at the middle of the span (mean of the middle `sections`, (n+1,k+1,3) m) to the part of
-    the wind (its `direction`, (3,)) that is across the span there.
+    """Angle rad of the chord at the middle of the span (`mid_span_chord`) to the part of the wind (its `direction`,
+    (3,), of any length) that is across the span there.
     """
-    n, span = len(sections), mid_span_axis(sections)
-    middle = 0.5 * (sections[(n - 1) // 2] + sections[n // 2])
+    span, middle = mid_span_axis(sections), mid_span_chord(sections)
     chord = middle[-1] - middle[0]
     along = direction - (direction @ span) * span
     up = np.cross(along, span)

@@ -45,7 +45,7 @@ class WingLoads:
 class _Placed:
     """A wing in one shape and wind: `flow` through the strips `rows` that are solved for, of all `strips`.
 
-    `wake` (3,) is the direction of the wind, `extra_moment` (n,) the change of c_m by camber and pitching, if any.
+    `wake` (3,) is the direction of the wake, `extra_moment` (n,) the change of c_m by camber and pitching, if any.
     """
 
     nodes: np.ndarray
@@ -95,7 +95,7 @@ class VortexStep:
         """The same wing in air of this density kg/m^3."""
         return self if density == self.density else replace(self, density=density)
 
-    def loads(self, nodes, wind, start=None, symmetric=False, velocity=None):
+    def loads(self, nodes, wind, start=None, symmetric=False, velocity=None, field=None):
         """Loads for interface `nodes` (s,3) m in the `wind` (3,) m/s, from the circulation `start` (n,) if there is
         one.
 
@@ -103,24 +103,30 @@ class VortexStep:
         `velocity` (s,3) m/s of the nodes every strip meets the wind minus its own velocity at its control point, at
         three quarters of the chord, and pitching has the c_m -pi q c / 8 U about the quarter chord, U the speed of the
         air that the strip meets: both as thin-airfoil theory says for a steady pitch rate q (quasi-steady: without
-        shed vortices and without the inertia of the air). The wake goes with the wind.
+        shed vortices and without the inertia of the air). The wake goes with the wind. What a `field` (`LinearField`)
+        of the wind has more at the nodes counts as their motion against it does, and the wake goes with the mean over
+        the strips of the wind that they meet at rest.
         """
-        at = self.placed(nodes, wind, symmetric, velocity)
+        at = self.placed(nodes, wind, symmetric, velocity, field)
         return self.loaded(at, self._solve(at.flow, None if start is None else start[at.rows]))
 
-    def placed(self, nodes, wind, symmetric=False, velocity=None):
-        """The strips and the flow to be solved for `nodes`, `wind`, `symmetric`, `velocity` as in `loads`."""
+    def placed(self, nodes, wind, symmetric=False, velocity=None, field=None):
+        """The strips and the flow to be solved for `nodes`, `wind`, `symmetric`, `velocity`, `field` as in `loads`."""
         sections = nodes[self.grid.sections]
         strips = strips_between(sections[:, 0], sections[:, -1])
         zero_lift, extra = self.grid.camber(sections, strips.normal) if self.camber else (None, None)
         wind = np.asarray(wind, float)
         wake = wind / np.linalg.norm(wind)
+        if field is not None:
+            beside = field.velocity(nodes)
+            velocity = -beside if velocity is None else velocity - beside
+            wake = mean_direction(wind + field.velocity(strips.control), strips, symmetric)
         n = len(strips.chord)
         rows = slice(n // 2, n) if symmetric else slice(0, n)
         if velocity is not None:
             moving = velocity[self.grid.sections]
             wind = wind - strips.at_control(moving[:, 0], moving[:, -1])
-            speed = np.linalg.norm(wind, axis=1)
+            speed = np.sqrt((wind * wind).sum(axis=1))  # of complex steps too
             rate = strips.pitch_rate(moving[:, 0], moving[:, -1])
             damping = -0.125 * np.pi * rate * strips.chord / np.where(speed > 0.0, speed, np.inf)
             extra = damping if extra is None else extra + damping
@@ -202,6 +208,13 @@ class VortexStep:
         return WingLoads(pressure, shear, force, point, turning, circulation, strips)
 
 
+def mean_direction(velocity, strips, symmetric):
+    """Direction (3,) of the mean of velocities (n,3) at strips by their areas, in y = 0 where they are `symmetric`."""
+    mean = (strips.chord * strips.width) @ velocity * np.array([1.0, 0.0 if symmetric else 1.0, 1.0])
+    speed = np.sqrt(mean @ mean)
+    return mean / np.where(speed != 0.0, speed, 1.0)
+
+
 def _weighed(panels, shape, n):
     """The panels of each strip as one, with the centroid of the load `shape` (k,)."""
     centroid = np.einsum("k,kni->ni", shape, panels.centroid.reshape(-1, n, 3))
@@ -238,13 +251,14 @@ class WingSensitivity:
     viscosity, panels, all of them analytic, so by complex steps (`aero.complex_steps`).
 
     `circulation` (n,) m^2/s is the solution on `nodes` (s,3) m in the `wind` (3,) m/s, which contains the artificial
-    `viscosity`; `symmetric` as in `VortexStep.loads`. numpy.linalg.LinAlgError where the Jacobian is singular.
+    `viscosity`; `symmetric` and `field` as in `VortexStep.loads`. numpy.linalg.LinAlgError where the Jacobian is
+    singular.
     """
 
-    def __init__(self, wing: VortexStep, nodes, wind, circulation, viscosity=0.0, symmetric=False):
+    def __init__(self, wing: VortexStep, nodes, wind, circulation, viscosity=0.0, symmetric=False, field=None):
         self._wing, self._nodes, self._wind, self._symmetric = wing, nodes, wind, symmetric
-        self._viscosity = viscosity
-        at = wing.placed(nodes, wind, symmetric)
+        self._viscosity, self._field = viscosity, field
+        at = wing.placed(nodes, wind, symmetric, field=field)
         self._gamma = circulation[at.rows]
         flow = at.flow.with_viscosity(viscosity)
         self._inverse = np.linalg.inv(flow.jacobian(flow.imbalance(self._gamma)[1]))
@@ -254,7 +268,7 @@ class WingSensitivity:
         mirror-symmetric one on a symmetric wing.
         """
         stepped, size = moved(self._nodes, direction)
-        at = self._wing.placed(stepped, self._wind, self._symmetric)
+        at = self._wing.placed(stepped, self._wind, self._symmetric, field=self._field)
         flow = at.flow.with_viscosity(self._viscosity)
         gamma = self._gamma - 1j * (self._inverse @ flow.imbalance(self._gamma)[0].imag)
         _, (_, _, _, speed, alpha, _, _, outside) = flow.imbalance(gamma)

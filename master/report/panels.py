@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from interface import area_vectors
-from master.report.views import wind_of
+from master.report.views import wind_at
 
 # Fields of wing.vtu and panels.csv: attribute of PanelLoads, unit, meaning.
 FIELDS = {
@@ -111,15 +111,16 @@ class PanelLoads:
 def panel_loads(nodes: np.ndarray, panels: np.ndarray, blocks: Mapping[str, np.ndarray]) -> PanelLoads:
     """The loads in the `blocks` of a flow on `panels` (m,4) between `nodes` (n,3) m as displaced for it.
 
-    The dynamic pressure is rho |U - v|^2 / 2 with the wind U of the moment, gusts included, and in a transient scene
-    the velocity v of the panel, mean of its corners. Flows around closed bodies say `pressure_coefficient` themselves.
+    The dynamic pressure is rho |U - v|^2 / 2 with the wind U of the moment, gusts included, where the panel is, and in
+    a transient scene the velocity v of the panel, mean of its corners. Flows around closed bodies say
+    `pressure_coefficient` themselves.
     """
     panels = np.asarray(panels, int).reshape(-1, 4)
-    wind, dynamic = wind_of(blocks), None
+    dynamic = None
     with np.errstate(invalid="ignore", over="ignore"):
+        met = wind_at(blocks, nodes[panels].mean(axis=1))
         vectors = area_vectors(nodes[panels])
-        if wind is not None and "air_density" in blocks:
-            met = np.broadcast_to(wind, (len(panels), 3))
+        if met is not None and "air_density" in blocks:
             if "velocity" in blocks:
                 met = met - blocks["velocity"][panels].mean(axis=1)
             dynamic = 0.5 * float(blocks["air_density"]) * np.einsum("mk,mk->m", met, met)

@@ -279,12 +279,18 @@ def _rigid_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
 
 
 def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]:
-    wind = ("wind speed", f"{float(aero['wind_speed']):g} m/s")
+    wind = [("wind speed", f"{float(aero['wind_speed']):g} m/s")]
+    if "ground_wind_share" in aero:
+        share, at = 100.0 * float(aero["ground_wind_share"]), _vector(aero["ground_point"])
+        wind.append(("wind at the ground", f"{share:g} % of the speed, at {at} m; linear from there"))
+    if "turn_rate" in aero:
+        rate, at = ", ".join(f"{float(w):g}" for w in aero["turn_rate"]), _vector(aero["turn_centre"])
+        wind.append(("rotation", f"({rate}) rad/s about {at} m"))
     if scene.wing_model is None:  # lines alone
-        return [wind]
+        return wind
     area = f"area {scene.aero.reference_area:g} m2"
     return [
-        wind,
+        *wind,
         ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} ({area})"),
         *scene.wing_model.rows(aero),
         ("aerodynamic force", _vector(aero["force"]) + " N"),

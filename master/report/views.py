@@ -70,3 +70,11 @@ def wind_of(aero: Mapping[str, np.ndarray]) -> np.ndarray | None:
         return None
     speed = float(aero.get("present_wind_speed", aero["wind_speed"]))
     return np.asarray(speed * aero["wind_direction"] / np.linalg.norm(aero["wind_direction"]))
+
+
+def wind_at(aero: Mapping[str, np.ndarray], points: np.ndarray) -> np.ndarray | None:
+    """Velocity (n,3) m/s of the undisturbed air at points (n,3) m, from the blocks of a flow; None without a wind."""
+    if "wind_gradient" in aero:
+        return np.asarray(aero["wind_at_origin"] + points @ aero["wind_gradient"].T)
+    wind = wind_of(aero)
+    return None if wind is None else np.broadcast_to(wind, points.shape)

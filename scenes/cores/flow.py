@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from aero import AeroModel, Flow, Gusts, coefficients, glide_ratio
+from aero import AeroModel, Flow, Gusts, LinearField, coefficients, glide_ratio
 from aero.model import LOADS
 from interface import StepFailed, UprightPlane, Variable, area_vectors
 from interface.mirror import mirror_permutation, symmetrised
@@ -33,7 +33,8 @@ class FlowState:
 
 
 class FlowSolver(Solver):
-    """Loads of the models of a scene's flow, `wing` first where it has one, in a uniform wind.
+    """Loads of the models of a scene's flow, `wing` first where it has one, in a uniform wind or one that is
+    linear in space.
 
     In a transient scene the interface moves: every part meets the wind minus its own velocity. The wind of a step is
     that at its end. Until the first step every solve starts without a state, so that to look changes no later result.
@@ -43,6 +44,7 @@ class FlowSolver(Solver):
         self.name, self._scene, self._interface = scene.name, scene, scene.interface
         self._wing, self._lines = wing, lines
         self.models = tuple(m for m in (wing, lines) if m is not None)
+        self._varies = scene.aero.linear_wind is not None or scene.aero.rotation is not None
         self._outputs = [{v.name for v in m.variables if v.causality == "output"} for m in self.models]
         self._about_what, self._about = scene.moments_about
         self._heading, self._turns = scene.heading, scene.trim is not None and scene.pivot is not None
@@ -78,6 +80,12 @@ class FlowSolver(Solver):
             shown = () if model is None else model.variables
             yield from (v for v in shown if v.causality == "output" and (v.name not in LOADS or v in later))
         yield from azimuth_variables(self._scene)
+        if self._varies:
+            output = partial(Variable, causality="output")
+            text = "velocity of the undisturbed air, as the kite meets it, at the origin of the global frame"
+            yield output("wind_at_origin", (3,), unit="m/s", description=text)
+            text = "change of that velocity (first index) by the place (second): wind_at_origin + wind_gradient x"
+            yield output("wind_gradient", (3, 3), unit="1/s", description=text)
 
     def _air(self, aero):
         of_node = partial(Variable, shape=(len(self._interface.nodes), 3), counts="interface node")
@@ -92,6 +100,7 @@ class FlowSolver(Solver):
         yield tunable("wind_direction", (3,), start=np.array(aero.wind_direction), description=text)
         start, text = aero.air_density, "density of the air"
         yield tunable("air_density", unit="kg/m3", start=start, minimum=1e-6, maximum=2e3, description=text)
+        yield from self._of_places(aero, tunable)
         if self._scene.transient:
             gust = self._scene.dynamics
             text = (
@@ -105,6 +114,38 @@ class FlowSolver(Solver):
             yield positive("gust_duration", start=gust.gust_duration, description="duration of a gust")
             text = "time from the beginning of a gust to that of the next; 0: there is one only"
             yield positive("gust_interval", start=gust.gust_interval, description=text)
+
+    def _of_places(self, aero, tunable):
+        """Parameters of a wind that is not the same everywhere."""
+        linear, turning = aero.linear_wind, aero.rotation
+        if linear is not None:
+            start, text = np.array(linear.ground), "where the line along which the wind grows begins, global frame"
+            yield tunable("ground_point", (3,), unit="m", start=start, description=text)
+            start = self._about if linear.kite is None else np.array(linear.kite)
+            text = "where the wind has wind_speed; beyond it goes on growing, and across the line it is alike"
+            yield tunable("kite_point", (3,), unit="m", start=start, description=text)
+            start, text = linear.ground_share, "wind speed at ground_point over wind_speed; 1: as fast as at kite_point"
+            yield tunable("ground_wind_share", start=start, minimum=0.0, maximum=10.0, description=text)
+        if turning is not None:
+            start, text = np.array(turning.rate), "angular velocity of the kite, about the axes of the global frame"
+            yield tunable("turn_rate", (3,), unit="rad/s", start=start, description=text)
+            start = self._about if turning.centre is None else np.array(turning.centre)
+            text = "point about which the kite turns, global frame: it meets -turn_rate x (x - turn_centre) beside"
+            yield tunable("turn_centre", (3,), unit="m", start=start, description=text)
+
+    def _field(self, values, wind):
+        """The `LinearField` beside the `wind` (3,) m/s, None where that is uniform; StepFailed where there is none."""
+        found = []
+        try:
+            if self._scene.aero.linear_wind is not None:
+                points = values["ground_point"], values["kite_point"]
+                found.append(LinearField.along_line(wind, *points, float(values["ground_wind_share"])))
+        except ValueError as error:
+            raise StepFailed(str(error)) from None
+        if self._scene.aero.rotation is not None:
+            found.append(LinearField.rotation(values["turn_rate"], values["turn_centre"]))
+        field = found[0] if len(found) == 1 else found[0] + found[1] if found else None
+        return field if field is not None and (field.gradient.any() or field.offset.any()) else None
 
     def _totals(self, aero):
         output = partial(Variable, causality="output")
@@ -193,7 +234,8 @@ class FlowSolver(Solver):
             self._refuse_along_span(inward(direction, self._heading.axes(values)))
         nodes = self._interface.nodes + values["displacement"]
         air = float(values["air_density"]), self._about, values.get("velocity")
-        return Flow(nodes, direction / np.linalg.norm(direction), speed, *air, dt)
+        direction = direction / np.linalg.norm(direction)
+        return Flow(nodes, direction, speed, *air, dt, self._field(values, speed * direction))
 
     @staticmethod
     def _refuse_along_span(direction):
@@ -212,6 +254,9 @@ class FlowSolver(Solver):
                 odd = ", ".join(sorted(response.outputs.keys() ^ outputs))
                 raise TypeError(f"{model.title} does not give the outputs that it declares: they differ in {odd}.")
         out = {k: v for response in found for k, v in response.outputs.items()}
+        if self._varies:
+            out |= {"wind_at_origin": flow.air(np.zeros(3)), "wind_gradient": np.zeros((3, 3))}
+            out |= {} if flow.field is None else {"wind_gradient": flow.field.gradient}
         if self._scene.transient:
             out["present_wind_speed"] = flow.speed
         if self._wing is not None:

@@ -22,6 +22,7 @@ from ..schema import (
     SceneError,
     Setting,
     StructureInput,
+    TableOf,
     Tables,
     TrimInput,
     WingInput,
@@ -315,6 +316,8 @@ def _checked(label: str, section: str, known: Mapping[str, tuple[Check, Any]], g
         except Wrong as wanted:
             shown = str(given[key])[:40]
             raise SceneError(f"{label}: [{section}] {key} must be {wanted}; it is {shown!r}.") from None
+        if isinstance(check, TableOf):
+            values[key] = check.kind(**_checked(label, f"{section}.{key}", _keys_of(check.kind), values[key]))
         if isinstance(check, Tables):
             inner = _keys_of(check.kind)
             values[key] = {

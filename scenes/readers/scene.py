@@ -63,7 +63,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
-    return Scene(
+    made = Scene(
         folder.name,
         read.title,
         read.description,
@@ -83,6 +83,23 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         Source(folder, _files(folder, read), read.offers),
         body=read.body,
     )
+    _check_linear_wind(made)
+    return made
+
+
+def _check_linear_wind(scene: Scene) -> None:
+    """SceneError where the line along which the wind grows has no length."""
+    linear = None if scene.aero is None else scene.aero.linear_wind
+    if linear is None:
+        return
+    what, about = scene.moments_about
+    kite = tuple(about) if linear.kite is None else linear.kite
+    if kite == linear.ground:
+        where = "is" if linear.kite is not None else f"is not given, so that it is the {what},"
+        raise SceneError(
+            f"{scene.name}/scene.toml: [aero.linear_wind] kite {where} at the same place as ground, and the wind grows "
+            "along the line between the two; move one of them."
+        )
 
 
 def _scaled(folder: Path, read: Description) -> Description:
@@ -94,16 +111,29 @@ def _scaled(folder: Path, read: Description) -> Description:
         return read
     if (read.wing is not None or read.body is not None) and read.aero.reference_area is None:
         raise SceneError(f"{folder.name}/scene.toml: [aero] lacks 'reference_area'; add it.")
-    aero, point = read.aero, read.aero.reference_point
+    aero = read.aero
+
+    def placed(table: Any, *names: str) -> Any:
+        """The table with the points of these names at the scale."""
+        points = {name: _scaled_point(scale, getattr(table, name)) for name in names if table is not None}
+        return None if table is None else replace(table, **points)
+
+    linear = placed(aero.linear_wind, "ground", "kite")
     chord, span = (None if length is None else scale * length for length in (aero.reference_chord, aero.reference_span))
     scaled = replace(
         aero,
         reference_area=(aero.reference_area or 1.0) * scale**2,
         reference_chord=chord,
         reference_span=span,
-        reference_point=None if point is None else tuple(scale * x for x in point),
+        reference_point=_scaled_point(scale, aero.reference_point),
+        linear_wind=linear,
+        rotation=placed(aero.rotation, "centre"),
     )
     return replace(read, aero=scaled)
+
+
+def _scaled_point(scale: float, point: tuple[float, ...] | None) -> tuple[float, ...] | None:
+    return None if point is None else tuple(scale * x for x in point)
 
 
 def _surface(folder: Path, read: Description) -> "ClosedSurface | None":
