@@ -34,6 +34,9 @@ OF_STRIPS = (
     "separated_strips", "separated strips", 0.0, "attached flow: Stratford (1959), separated ahead of 85 % of the way "
     "to the trailing edge",
 )  # fmt: skip
+OF_CELLS = (
+    "crossed_strips", "strips whose upper and lower side went through each other", 0.0, "no air flows there"
+)  # fmt: skip
 
 OF_EDGES = (
     "trailing_edge_skew", "offset of the panels above and below a trailing edge", 2.0, "triangles that do not face "
@@ -135,7 +138,7 @@ class PanelModel(AeroModel):
             raise ValueError("section polars need a wing of strips of quads, and as many of them as there are strips.")
         labels = tuple(f"strip {i}" for i in range(1, len(self._strips.ends) + 1))
         if self._strips.whole:
-            self.criteria += (Criterion(*OF_STRIPS, labels=labels, whole=True),)
+            self.criteria += tuple(Criterion(*of, labels=labels, whole=True) for of in (OF_STRIPS, OF_CELLS))
         if labels:
             self._of_edges = Criterion(*OF_EDGES, labels=labels)
             self.criteria += (self._of_edges, OF_LIFT, OF_DRAG)
@@ -444,13 +447,16 @@ class PanelModel(AeroModel):
             cd = section_drag(self._polars, -np.sign(jumps) * lift)
         drag = q * area * cd
         mean = float(area.sum() / far.width.sum())
-        criterion = self.criteria[0]
+        crossed = strips.crossed(g.centre, g.normal)
+        of_strips, of_cells = self.criteria[:2]
         return strips.spread(drag[:, None] * direction, g.area), {
             "alpha": alpha,
             "separation": at,
             "separated": separated.astype(float),
-            criterion.name: np.count_nonzero(separated),
-            criterion.place: worst(np.where(separated, 1.0 - at, 0.0))[1],
+            of_strips.name: np.count_nonzero(separated),
+            of_strips.place: worst(np.where(separated, 1.0 - at, 0.0))[1],
+            of_cells.name: np.count_nonzero(crossed),
+            of_cells.place: worst(crossed.astype(float))[1],
             "profile_drag": float((drag if case.on_strips is None else drag * (direction @ case.direction)).sum()),
             "reynolds_number": case.speed * mean / viscosity,
             "alpha_mid": self._mid_angle(case, chord),

@@ -1,6 +1,7 @@
 """The strips of a wing, from trailing edge to trailing edge round the nose: chords, separation and profile drag."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -85,6 +86,21 @@ class Strips:
             np.einsum("sc,sc->s", along, up) / np.linalg.norm(up, axis=1),
             np.einsum("sc,sc->s", along, chord) / np.linalg.norm(chord, axis=1),
         )
+
+    def crossed(self, centre, normal):
+        """Which strips (s,) have panels whose upper and lower side went through each other: from the one to the
+        opposite one, by their `centre` (m,3) m, is against the outward `normal` (m,3) of both together.
+        """
+        one, other, strip = self._opposite
+        inward = np.einsum("kc,kc->k", centre[one] - centre[other], normal[one] - normal[other]) < 0.0
+        return np.bincount(strip[inward], minlength=len(self.ends)) > 0
+
+    @cached_property
+    def _opposite(self):
+        """Panels that face each other across the chord, (k,) of one side and of the other, and their strips (k,)."""
+        halves = [(row[: len(row) // 2], row[::-1][: len(row) // 2]) for row in self.rows]
+        one, other = (np.concatenate([half[i] for half in halves]) for i in range(2))
+        return one, other, np.repeat(np.arange(len(halves)), [len(half[0]) for half in halves])
 
     def separations(self, nodes, centre, velocity, viscosity, transition):
         """How far along its suction side each strip separates, (s,) of the way from the stagnation line to the trailing

@@ -43,7 +43,9 @@ def coupled_run(
     remark: Callable[[dict[str, np.ndarray]], list[str]] | None = None,
     **options: Any,
 ) -> Run:
-    """Solve and judge. The status is that of the solve, or "statically_unstable" for a converged unstable equilibrium.
+    """Solve and judge. The status is that of the solve; "statically_unstable" for a converged unstable equilibrium; and
+    where a kite no longer flies as one, what is the matter: "negative_lift", "crossed_cells", "lines_lost", and of a
+    solve that did not converge "separated".
 
     `remark` says what is worth a line in the blocks of the flow at the end; `options` go to `master.coupling.solve`.
     RuntimeError with the reason if a solver has ended for good on the way.
@@ -58,13 +60,14 @@ def coupled_run(
         if judged.statically_stable is False:
             status = "statically_unstable"
             message = f"The equilibrium is statically unstable: {judged.message}."
-    blocks, causality = {}, {}
+    blocks, causality = dict[str, dict[str, np.ndarray]](), dict[str, dict[str, str]]()
     for label, participant in (("structural", coupling.structural), ("aero", coupling.aero)):
         try:
             blocks[label] = {b: participant.get(b) for b in participant.blocks}
         except (ValueError, RuntimeError) as error:  # of a solver that has ended: nothing to make a record of
             raise RuntimeError(message) from error
         causality[label] = dict(participant.causality)
+    status, message = _as_flown(status, message, result.history, blocks)
     told = "recovered" if result.status == "converged" else "tried to recover"
     remarks = symmetry_remarks(blocks) + (remark(blocks["aero"]) if remark is not None else [])
     remarks += _iterate_remarks(result)
@@ -72,6 +75,37 @@ def coupled_run(
     remarks += _stability_remarks(judged) + [f"{told}: {r}" for r in result.recoveries]
     evaluations, validity = coupling.evaluations, coupling.validity()
     return Run(status, message, result, judged, blocks, causality, remarks, evaluations, validity)
+
+
+def _as_flown(
+    status: str, message: str, history: list[dict[str, float]], blocks: dict[str, dict[str, np.ndarray]]
+) -> tuple[str, str]:
+    """Status and message of a run whose kite does not fly any more as it did at the start; others as they are.
+
+    Flow and structure answer for shapes that no kite keeps: upside down (ram-air thesis, algorithm 2, ends where the
+    lift is below zero), with cells turned inside out, or on slack lines. Separated strips alone do not stop a solve,
+    but they are why one does not end: loads of attached flow grow on.
+    """
+    flow, structure, solved = blocks["aero"], blocks["structural"], status == "converged"
+    lift, first = float(flow.get("CL", np.nan)), history[0].get("aero.CL", np.nan) if history else np.nan
+    ended = "" if solved else f" {message}"
+    if crossed := int(np.nan_to_num(float(flow.get("crossed_strips", 0.0)))):
+        at = int(flow["crossed_strips_at"])
+        what = (
+            f"The upper and the lower side of {crossed} strips went through each other, the first of them strip {at}."
+        )
+        return "crossed_cells", what + ended
+    if "trim_angle" in structure and lift <= 0.0 < first:
+        return "negative_lift", f"The kite flies upside down: C_L is {lift:.3g}, {first:.3g} at the start.{ended}"
+    tension = structure.get("tension", np.zeros(0))
+    if "trim_angle" in structure and len(tension) and float(structure.get("slack_lines", 0.0)) == len(tension):
+        return "lines_lost", f"All {len(tension)} lines are slack: nothing holds the kite.{ended}"
+    apart = np.flatnonzero(np.asarray(flow.get("separated", ())) > 0.0) + 1
+    if not solved and status != "statically_unstable" and len(apart):
+        more = f" and {len(apart) - 8} more" if len(apart) > 8 else ""
+        strips = ", ".join(map(str, apart[:8]))
+        return "separated", f"The flow separates on strips {strips}{more}, where there is no answer.{ended}"
+    return status, message
 
 
 def symmetry_remarks(blocks: dict[str, dict[str, np.ndarray]]) -> list[str]:
