@@ -7,7 +7,7 @@ import numpy as np
 from interface import Variable
 from interface.mirror import canonical_faces, mirror_rows
 from structural import FaceLoad, Faces
-from structural.elements.membrane_results import enclosed_volume, reactions, seam_forces
+from structural.elements.membrane_results import Seams, enclosed_volume, reactions
 from structural.materials.membranes import SLACK, WRINKLED
 
 from .heading import outward
@@ -27,7 +27,7 @@ class MembraneModel:
     def __init__(self, mesh, nodes):
         self.mesh, self._nodes = mesh, nodes
         ends = [np.zeros((0, 2), dtype=int), *mesh.seams.values()]
-        self._sides = np.concatenate(ends)
+        self._seams = Seams.of(mesh.group, np.concatenate(ends))
 
     @property
     def groups(self):
@@ -81,7 +81,7 @@ class MembraneModel:
             yield output(
                 "support_group_force", (len(labels), 3), unit="N", description=text, labels=labels, counts="support"
             )
-        if len(self._sides):
+        if self._seams.count:
             labels = tuple(f"side {k + 1} of {name}" for name, sides in mesh.seams.items() for k in range(len(sides)))
             text = "force per length of the pattern with which the membranes beside it pull at the seam"
             shape = len(labels), 3
@@ -103,8 +103,8 @@ class MembraneModel:
         for p in self.mesh.pressures:
             if p.encloses:
                 out[f"{p.name}_volume"] = enclosed_volume(x, p.faces)
-        if len(self._sides):
-            out["seam_force"] = outward(seam_forces(self.mesh.group, x, self._sides), axes)
+        if self._seams.count:
+            out["seam_force"] = outward(self._seams.forces(x), axes)
         return out
 
     def reactions(self, structure, x, loads, rotations, axes):

@@ -128,32 +128,60 @@ def reactions(structure, x, loads, rotations=None):
     return np.where(structure.fixed, nodal_forces(structure.groups, at) - external, 0.0)
 
 
-def seam_forces(group: Membranes, x, seams):
-    """Force per length N/m (k,3) of the pattern with which the elements beside each of the `seams` (k,2), sides
-    between two nodes, pull at it: the mean of F S nu over both, nu the outward normal of the side of the first.
-    ValueError for a side that no element has.
+@dataclass(frozen=True, eq=False)
+class Seams:
+    """The sides of elements that pull at `count` seams, sides between two nodes: `group` the elements (p,) that have
+    them, `seam` (p,) the seam, `normal` (2,p) the outward normal of the side in the axes of the fibres, and `share`
+    (p,) what its pull counts.
+
+    At a seam that joins sheets the first element pulls against all others, however many they are: in equilibrium each
+    half of the sum, and of a seam on an open edge the whole, is the force that the seam passes on.
     """
-    corners = np.array([[0, 1], [1, 2], [2, 0]])
-    sides = np.sort(group.nodes[:, corners], axis=2)
-    _, weights = group.geometry
-    share = weights / weights.sum(axis=0)
-    stress, _ = group.law.response(group.strains(x), tangents=False)
-    s = np.sum(share * stress, axis=1)
-    f = np.sum(share * group.deformation_gradients(x).transpose(1, 2, 0, 3), axis=2)
-    out = np.zeros((len(seams), 3))
-    for k, seam in enumerate(np.sort(seams, axis=1)):
-        rows, places = np.nonzero(np.all(sides == seam, axis=2))
-        if not len(rows):
-            raise ValueError(f"no membrane element has a side between the nodes {seam[0]} and {seam[1]}.")
-        pulls = [_traction(group, f, s, row, corners[place]) for row, place in zip(rows, places, strict=True)]
-        out[k] = np.mean([p if i == 0 else -p for i, p in enumerate(pulls)], axis=0)
-    return out
 
+    group: Membranes
+    count: int
+    seam: np.ndarray
+    normal: np.ndarray
+    share: np.ndarray
 
-def _traction(group, f, s, row, ends):
-    """F S nu (3,) N/m of one element on one of its sides."""
-    start, end = group.fibre_pattern(row)[ends]
-    side = end - start
-    nu = np.array([side[1], -side[0]]) / np.linalg.norm(side)
-    pull = np.array([s[0, row] * nu[0] + s[2, row] * nu[1], s[2, row] * nu[0] + s[1, row] * nu[1]])
-    return pull[0] * f[0, :, row] + pull[1] * f[1, :, row]
+    @classmethod
+    def of(cls, group: Membranes, seams):
+        """Those of `seams` (k,2) nodes; ValueError for a side that no element has."""
+        corners = np.array([[0, 1], [1, 2], [2, 0]])
+        base = int(group.nodes.max(initial=0)) + 1
+
+        def keys(sides):
+            low, high = np.sort(sides, axis=-1).reshape(-1, 2).T
+            return low * base + high
+
+        wanted, sides = keys(np.asarray(seams)), keys(group.nodes[:, corners])
+        order = np.argsort(sides, kind="stable")  # of a side, elements as they are numbered
+        first = np.searchsorted(sides[order], wanted)
+        many = np.searchsorted(sides[order], wanted, side="right") - first
+        if len(missing := np.flatnonzero(many == 0)):
+            low, high = np.sort(seams[missing[0]])
+            raise ValueError(f"no membrane element has a side between the nodes {low} and {high}.")
+        seam = np.repeat(np.arange(len(wanted)), many)
+        rank = np.arange(len(seam)) - np.repeat(np.cumsum(many) - many, many)
+        row, place = np.divmod(order[first[seam] + rank], 3)
+        share = np.where(many[seam] == 1, 1.0, np.where(rank == 0, 0.5, -0.5))
+        part = group.select(row)
+        pattern = part.fibre_patterns()
+        side = pattern[np.arange(len(row)), corners[place, 1]] - pattern[np.arange(len(row)), corners[place, 0]]
+        normal = np.stack([side[:, 1], -side[:, 0]]) / np.linalg.norm(side, axis=1)
+        return cls(part, len(wanted), seam, normal, share)
+
+    def forces(self, x):
+        """Force per length N/m (k,3) of the pattern with which the elements beside each seam pull at it at x (n,3) m:
+        F S nu of the first, the mean with what the others hold against it.
+        """
+        group, nu = self.group, self.normal
+        if not self.count:
+            return np.zeros((0, 3))
+        _, weights = group.geometry
+        share = weights / weights.sum(axis=0)
+        stress, _ = group.law.response(group.strains(x), tangents=False)
+        s = np.sum(share * stress, axis=1)
+        f = np.sum(share * group.deformation_gradients(x).transpose(1, 2, 0, 3), axis=2)
+        pull = (s[0] * nu[0] + s[2] * nu[1]) * f[0] + (s[2] * nu[0] + s[1] * nu[1]) * f[1]
+        return np.stack([np.bincount(self.seam, self.share * part, minlength=self.count) for part in pull], axis=1)

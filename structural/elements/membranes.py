@@ -150,13 +150,15 @@ class Membranes(ElementGroup):
         """F (p,2,3,e): columns dx/dX_1, dx/dX_2 by the axes of the fibres, at node positions x (n,3)."""
         return _gradients(_corners(x, self.nodes), self.geometry[0])
 
-    def fibre_pattern(self, row):
-        """Corners (3,2) m of the pattern of an element in the axes of its fibres, as if its sides were straight."""
-        corners = self.pattern[row, :3]
-        if corners.shape[1] == 3:
-            corners = flat_patterns(corners, np.arange(3)[None])[0]
-        c, s = (1.0, 0.0) if self.angle is None else (np.cos(self.angle[row]), np.sin(self.angle[row]))
-        return corners @ np.array([[c, -s], [s, c]])
+    def fibre_patterns(self):
+        """Corners (e,3,2) m of the patterns in the axes of their fibres, as if their sides were straight."""
+        corners = self.pattern[:, :3]
+        if corners.shape[2] == 3:
+            corners = flat_patterns(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        if self.angle is None:
+            return corners
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        return corners @ np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
 
     def strains(self, x):
         """Green-Lagrange strain (3,p,e): E11, E22, 2 E12 in the axes of the fibres, at node positions x (n,3)."""

@@ -6,11 +6,11 @@ import pytest
 from benchmarks.membrane_models import airbag, inflated, isotropic, quadratic, rectangle
 from structural import Configuration, FaceLoad, Faces, Structure
 from structural.elements.membrane_results import (
+    Seams,
     enclosed_volume,
     membrane_state,
     nodal_forces,
     reactions,
-    seam_forces,
 )
 from structural.elements.membranes import Membranes, flat_patterns
 from structural.materials.membranes import SLACK, TAUT, WRINKLED, LinearMembrane
@@ -102,11 +102,27 @@ def test_a_seam_passes_on_the_stress_across_it(angle):
     nodes2 = nodes @ np.array([[1.02, 0.004, 0.0], [0.004, 1.03, 0.0], [0.0, 0.0, 1.0]])
     middle = np.flatnonzero(np.isclose(nodes[:, 0], 0.5))
     seams = np.stack([middle[:-1], middle[1:]], axis=1)
-    pull = seam_forces(group, nodes2, seams)
+    pull = Seams.of(group, seams).forces(nodes2)
     half = Membranes(*(a[nodes[triangles].mean(axis=1)[:, 0] < 0.5] for a in (group.nodes, group.pattern)),
                      law.select(np.arange(4)),
                      np.array([group.angle[0]] * 4))  # fmt: skip
     passed = nodal_forces((half,), Configuration(nodes2))[middle].sum(axis=0)
     np.testing.assert_allclose(np.abs(pull.mean(axis=0)), np.abs(passed), rtol=1e-9, atol=1e-9)  # 1 m of seam
     with pytest.raises(ValueError, match="no membrane element has a side between the nodes 0 and 8"):
-        seam_forces(group, nodes, np.array([[0, 8]]))
+        Seams.of(group, np.array([[0, 8]]))
+
+
+def test_a_seam_of_three_sheets_passes_on_what_the_first_pulls_against_both_others():
+    """Three strips in a plane, one to the left of the seam and two, each half as stiff, on each other to its right."""
+    nodes = np.array(
+        [[-1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
+    )
+    left, right = [[0, 2, 3], [0, 3, 1]], [[2, 4, 5], [2, 5, 3]]
+    triangles = np.array([*left, *right, *right])
+    stiffness = np.repeat([1000.0, 500.0], [2, 4])
+    law = LinearMembrane(stiffness, stiffness, np.zeros(6), 0.5 * stiffness)
+    group = Membranes(triangles, flat_patterns(nodes, triangles), law)
+    stretch = 1.02
+    pull = Seams.of(group, np.array([[2, 3]])).forces(nodes * [stretch, 1.0, 1.0])
+    # F S = stretch E (stretch^2 - 1) / 2 per length of the pattern
+    np.testing.assert_allclose(pull, [[stretch * 1000.0 * 0.5 * (stretch**2 - 1.0), 0.0, 0.0]], rtol=1e-12, atol=1e-12)
