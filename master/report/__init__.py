@@ -46,7 +46,7 @@ LABELS = ("nodes", "lines", "both")  # what may be named in a plot
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
 TABLES = (
     *("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv"),
-    *("tubes.csv", "sections.csv", "membranes.csv", "seams.csv"),
+    *("tubes.csv", "sections.csv", "membranes.csv", "seams.csv", "ribs.csv"),
 )
 ANGLE = (
     "Effective angle: chord to the local flow with induced velocity, hence closer to zero lift than the angle to the "
@@ -59,6 +59,8 @@ CAPTIONS = {
     "its own chord, and camber, the largest distance of a section from its chord, along the span",
     "membranes": "Membranes as deformed, in parallel projection: larger principal stress in force per present length, "
     "and where they are taut, wrinkled (strokes along the tension) and slack",
+    "ribs": "Two ribs: the profile as flown over that drawn, the pressure coefficient outside along the chord, and in "
+    "the cell towards the right tip the Cauchy stress across the span, in force per length, beside Barlow's formula",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
     "strips": f"Loads, effective angle of attack and circulation along the span. {ANGLE}",
     "polars": "Operating points of the strips on their section polars, coloured by distance from mid-span; left and "
@@ -125,7 +127,7 @@ def write_report(
 
 def _drawn(scene: Any, run: "Run", settings: Mapping[str, Any], state: "FinalState") -> dict[str, "Figure"]:
     """Name -> figure of what there is to draw of a run with these settings in its final state."""
-    from master.report import billowing, figures, membranes, shape
+    from master.report import billowing, figures, membranes, ribs, shape
     from master.report.convergence import convergence_figure
     from master.report.sections import wing_sections
 
@@ -149,6 +151,10 @@ def _drawn(scene: Any, run: "Run", settings: Mapping[str, Any], state: "FinalSta
     skin = membranes.membrane_state(scene.members, run.blocks["structural"])
     if skin is not None and np.all(np.isfinite(skin.position)):
         drawn["membranes"] = membranes.membrane_figure(skin, f"{title}, {status}", run.status)
+    surface = state.surface
+    of_ribs = ribs.ribs(scene.members, run.blocks["structural"], scene.interface, surface.position, surface.loads)
+    if of_ribs:
+        drawn["ribs"] = ribs.rib_figure(of_ribs, f"{title}, {status}")
     if scene.has_structure:
         drawn["convergence"] = convergence_figure(
             run.result.history,

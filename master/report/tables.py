@@ -15,6 +15,7 @@ import numpy as np
 from master.report.membranes import element_table, membrane_rows, membrane_state, seam_table
 from master.report.panels import panel_loads
 from master.report.record import named
+from master.report.ribs import rib_table, ribs
 from master.report.sections import COLUMNS, wing_sections
 from master.report.state import loose_lines
 from master.report.validity import validity_row
@@ -99,7 +100,8 @@ def write_state(
         [i + 1, *map(repr, map(float, (*p, *d)))] for i, (p, d) in enumerate(zip(interface.nodes + x, x, strict=True))
     ]
     write_csv(folder / "interface.csv", ["node", "x_m", "y_m", "z_m", "dx_m", "dy_m", "dz_m"], rows)
-    columns = panel_loads(interface.nodes + x, panels, blocks).columns()
+    loads = panel_loads(interface.nodes + x, panels, blocks)
+    columns = loads.columns()
     cells = zip(*columns.values(), strict=True)
     rows = [[i + 1, *(panels[i] + 1), *map(repr, map(float, v))] for i, v in enumerate(cells)]
     write_csv(folder / "panels.csv", ["panel", "node_1", "node_2", "node_3", "node_4", *columns], rows)
@@ -120,6 +122,11 @@ def write_state(
             folder / "sections.csv", list(COLUMNS), [[c, *map(repr, v), strut] for c, *v, strut in sections.rows()]
         )
         written.append("sections.csv")
+    of_ribs = ribs(members, blocks, interface, interface.nodes + x, loads)
+    if of_ribs:
+        header, of_sides = rib_table(of_ribs)
+        write_csv(folder / "ribs.csv", header, list(of_sides))
+        written.append("ribs.csv")
     return written + _write_membranes(folder, blocks, members)
 
 
