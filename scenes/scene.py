@@ -385,5 +385,6 @@ class Scene:
             turned = start_azimuth(self, given.get("wind_direction", self.aero.wind_direction))
             given |= {"start_azimuth": turned} if turned else {}
         if "trim_angle" not in given:
-            given["trim_angle"] = self.trim_angle(given, cores)
+            turned = self.choices.start_angle  # of the wind: the wing starts in it as it is drawn
+            given["trim_angle"] = 0.0 if turned else self.trim_angle(given, cores)
         return given

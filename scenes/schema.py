@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from interface.line_drag import FRICTION, NORMAL_DRAG
 
-BODIES = ("wing", "box-wing", "mesh-file")
+BODIES = ("wing", "parafoil", "box-wing", "mesh-file")
 PROFILE_SPACINGS = ("cosine", "geometric", "uniform")
 SHAPES = ("rectangle", "disc", "airbag", "cylinder", "sphere", "ruled", "body")
 LARGEST = 1e100  # of a number in a scene, whose squares and cubes are numbers too; so are those of 1 / LARGEST
@@ -475,16 +475,20 @@ class MembranesInput:
 class BodyInput:
     """[body]: the closed surface of a wing, or of another body, for a flow around bodies.
 
-    `shape` "wing", "box-wing" or "mesh-file". The first two have a `profile`: NACA digits ("naca 2412", "23012") or a
-    file of coordinates; or weights of CST, `upper_weights` and `lower_weights` (none: those of the upper side), both
-    away from the chord. `panels` round the profile, with `panel_spacing` along each side: "cosine", "uniform", or
-    "geometric" where each panel is longer by `panel_growth` % than that before it, from the nose to the trailing edge.
+    `shape` "wing", "parafoil", "box-wing" or "mesh-file". All but the last have a `profile`: NACA digits ("naca 2412",
+    "23012") or a file of coordinates; or weights of CST, `upper_weights` and `lower_weights` (none: those of the upper
+    side), both away from the chord. `panels` round the profile, with `panel_spacing` along each side: "cosine",
+    "uniform", or "geometric" where each panel is longer by `panel_growth` % than that before it, from the nose to the
+    trailing edge.
     A wing has `span` m, along its arc if it has one, `chord` m in the middle and `tip_chord` m (none: as in the
     middle), the `planform` between them "tapered" or "elliptic"; `sweep` deg, back, of the line at the share `axis` of
     the chord, about which `twist` deg, nose up, of the tip turns; `dihedral` deg, tips up, or `arc` deg, half the angle
     of the circle that it follows, tips down. Or the table `stations` has places, chords and profiles. `strips` of each
     half, or between two stations of the table, spaced by `strip_spacing`: "uniform", or "cosine", close together at the
     tips; `tip` "flat", or "round" of `tip_strips` panels.
+    A parafoil is such a wing of `cells` in all, an even number, with `strips` each, ruled between its ribs: of each
+    half the `equal_cells` in the middle (none: all) are as wide as each other, and the others narrow by equal steps to
+    `last_cell` of that width at the tip. In its table `stations` each row is a rib, from y = 0 to the right tip.
     A box wing has `span`, `chord`, `height` and `corner_radius` m, and in each half `strips` on each wing,
     `plate_strips` on the end plate and `corner_strips` in each corner.
     A file is a `mesh` with `unit` of its lengths (none: m) and the cell data `groups` that say what groups its elements
@@ -510,6 +514,9 @@ class BodyInput:
     stations: File | None = None
     strips: Annotated[int, Whole(1, 1000)] | None = None
     strip_spacing: Annotated[str, OneOf(("uniform", "cosine"))] = "uniform"
+    cells: Annotated[int, Whole(2, 1000)] | None = None
+    equal_cells: Annotated[int, Whole(1, 500)] | None = None
+    last_cell: Annotated[float, Number(above=0.0)] = 1.0
     tip: Annotated[str, OneOf(("flat", "round"))] = "flat"
     tip_strips: Annotated[int, Whole(2, 100)] = 4
     height: Positive | None = None
@@ -522,10 +529,26 @@ class BodyInput:
     trailing_edges: Annotated[tuple[str, ...], texts_or_none] | None = None
 
 
+@dataclass(frozen=True)
+class BridleInput:
+    """[bridle]: the lines of a parafoil, straight from its ribs to the pilot point.
+
+    `rows` are lines of all ribs by name, at a share of the chord on their lower side; the node `pilot` is `depth` m
+    below the chord of the middle rib, normal to it, at `trim` per cent of it from the nose on. Lines have the
+    `diameter` m, and modulus and density as [structure] has them.
+    """
+
+    rows: Numbers = field(kw_only=True)
+    depth: Positive = field(kw_only=True)
+    trim: Annotated[float, Number(low=-50.0, high=150.0)] = 42.0
+    diameter: Positive = field(kw_only=True)
+
+
 SECTIONS = {
     "structure": StructureInput,
     "membranes": MembranesInput,
     "body": BodyInput,
+    "bridle": BridleInput,
     "wing": WingInput,
     "aero": AeroInput,
     "trim": TrimInput,
@@ -543,7 +566,8 @@ class Choices:
     `scale` of all lengths; `integration` the time integration scheme, None as [dynamics] says; `line_area` of lines in
     the wind: "inclined" or "projected". Of membranes: `cells` of a mesh that is made (0: as [membranes.size] says, in
     the proportions that are said there), `order` of its triangles (0: as [membranes] says), `wrinkling` "on" or "off"
-    (None: likewise).
+    (None: likewise). Of a parafoil: `trim` of [bridle] (None: as is said there), and `start_angle` deg by which the
+    wind of [aero] is turned upward, so that the wing has its nose up in it.
     """
 
     chord: str = "structural"
@@ -560,6 +584,8 @@ class Choices:
     cells: int = 0
     order: int = 0
     wrinkling: str | None = None
+    trim: float | None = None
+    start_angle: float = 0.0
 
 
 @dataclass(frozen=True)

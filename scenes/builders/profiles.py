@@ -71,11 +71,14 @@ class Profile:
             ),
         )
 
-    def points(self, panels: int, spacing: str = "cosine", growth: float = 0.05) -> np.ndarray:
+    def points(
+        self, panels: int, spacing: str = "cosine", growth: float = 0.05, through: Sequence[float] = ()
+    ) -> np.ndarray:
         """Points (panels,2) from the trailing edge over the upper side to the nose and back along the lower one.
 
         Of an odd number of panels the upper side has one more. `spacing` is one of SPACINGS; `growth` is how much
-        longer each panel is than the next one towards the nose, where it is "geometric".
+        longer each panel is than the next one towards the nose, where it is "geometric". Each t of `through` has
+        a point on both sides: the nearest one is moved there, and those between such points in proportion.
         ValueError where the trailing edge is blunt, or the panels are too few to enclose a profile.
         """
         if panels < 4:
@@ -84,7 +87,7 @@ class Profile:
             raise ValueError(f"profile {self.name} has a blunt trailing edge; close it first.")
         above = _places(self.upper, panels - panels // 2, spacing, growth)
         below = _places(self.lower, panels // 2, spacing, growth)
-        upper, lower = self.upper(above), self.lower(below)
+        upper, lower = self.upper(_moved_to(above, through)), self.lower(_moved_to(below, through))
         return np.concatenate([0.5 * (upper[-1:] + lower[-1:]), upper[-2::-1], lower[1:-1]])
 
     def thickness(self, t: np.ndarray) -> np.ndarray:
@@ -133,6 +136,20 @@ def _places(side: Side, count: int, spacing: str, growth: float) -> np.ndarray:
     found = np.interp(shares * length[-1], length, np.sqrt(fine)) ** 2
     found[0], found[-1] = 0.0, 1.0
     return found
+
+
+def _moved_to(places: np.ndarray, through: Sequence[float]) -> np.ndarray:
+    """Places (k,) of the points of a side, moved so that one stands at each of `through`; its ends are at 0 and 1
+    already. ValueError where the points are too few for that.
+    """
+    wanted = np.sort([t for t in through if 0.0 < t < 1.0])
+    inner = places[1:-1]
+    rows = 1 + np.abs(inner - wanted[:, None]).argmin(axis=1) if len(wanted) else np.zeros(0, dtype=int)
+    at = np.concatenate([[0], rows, [len(places) - 1]])
+    shift = np.interp(np.arange(len(places)), at, np.concatenate([[0.0], wanted - places[rows], [0.0]]))
+    if len(np.unique(rows)) < len(rows) or np.any(np.diff(places + shift) <= 0.0):
+        raise ValueError("points that are wanted on a profile are too near to each other; take more panels round it.")
+    return places + shift
 
 
 # Families

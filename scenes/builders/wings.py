@@ -23,7 +23,7 @@ class ClosedSurface:
     """A closed body: `nodes` (n,3) m, `panels` (m,4) whose normals point outward (a triangle repeats its last node),
     `trailing_edges` (t,2) pairs of nodes, None where they are to be found; `remarks` on what was changed. Of a lofted
     wing `sections` (k,p) are the nodes round its profiles from tip to tip, each from the trailing edge over the upper
-    side to the nose and back.
+    side to the nose and back; of a parafoil `ribs` (r,) are those of them that are ribs.
     """
 
     nodes: np.ndarray
@@ -31,6 +31,7 @@ class ClosedSurface:
     trailing_edges: np.ndarray | None
     remarks: tuple[str, ...] = ()
     sections: np.ndarray | None = None
+    ribs: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,8 @@
-"""The closed surface of [body] in scene.toml: a wing, a box wing, or a mesh from a file."""
+"""The closed surface of [body] in scene.toml: a wing, a parafoil, a box wing, or a mesh from a file."""
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from aero.panel.bodies import Body, BodyError
 from interface.topology import agreed, listed
 
+from ..builders.parafoils import STEEPEST, cell_widths, parafoil, rib_shares
 from ..builders.profiles import Profile, cst, naca
 from ..builders.wings import BoxWing, ClosedSurface, Planform, Stations, lofted, mirrored_wing, span_shares
 from ..schema import BodyInput, SceneError, Wrong, a_file
@@ -21,6 +22,7 @@ from .tables import Table, number, positive, read_table
 
 PROFILE = ("profile", "upper_weights", "lower_weights", "panels", "panel_spacing", "panel_growth")
 WING = ("strips", "tip", "tip_strips", "axis")
+CELLS = ("cells", "equal_cells", "last_cell")
 PLANFORM = ("span", "chord", "tip_chord", "planform", "sweep", "twist", "dihedral", "arc", "strip_spacing")
 BOX = ("span", "chord", "height", "corner_radius", "strips", "plate_strips", "corner_strips", "strip_spacing")
 FILE = ("mesh", "unit", "groups", "trailing_edges")
@@ -33,8 +35,9 @@ MOST = 100_000  # panels, whose influence on each other no machine holds
 NACA = re.compile(r"(naca[ -]?)?\d{4,5}", re.IGNORECASE)
 
 
-def read_body(folder: Path, given: BodyInput) -> ClosedSurface:
-    """The body of [body]: nodes m, panels, trailing edges, and remarks on what was changed.
+def read_body(folder: Path, given: BodyInput, rows: Sequence[float] = ()) -> ClosedSurface:
+    """The body of [body]: nodes m, panels, trailing edges, and remarks on what was changed. Profiles of a parafoil have
+    points at the shares `rows` of the chord, where lines begin.
 
     Raises SceneError in one sentence for keys that are missing or mean nothing to the shape, and for a surface that
     bounds no body, or whose trailing edges are none.
@@ -43,7 +46,10 @@ def read_body(folder: Path, given: BodyInput) -> ClosedSurface:
     if given.shape == "mesh-file":
         return _from_file(folder, where, given)
     try:
-        surface = (_wing if given.shape == "wing" else _box_wing)(folder, where, given)
+        if given.shape == "parafoil":
+            surface = _parafoil(folder, where, given, rows)
+        else:
+            surface = (_wing if given.shape == "wing" else _box_wing)(folder, where, given)
     except SceneError:
         raise
     except ValueError as error:
@@ -110,16 +116,64 @@ def _wing(folder: Path, where: str, given: BodyInput) -> ClosedSurface:
     if given.stations is not None:
         return _wing_of_stations(folder, where, given)
     needed = ("span", "chord", "strips", "panels")
-    span, chord, strips, panels = _required(where, given, needed, (*PROFILE, *WING, *PLANFORM), "a wing")
+    _, _, strips, panels = _required(where, given, needed, (*PROFILE, *WING, *PLANFORM), "a wing")
     _check_count(where, 2 * strips, panels)
-    sweep, twist, dihedral, arc = (math.radians(v) for v in (given.sweep, given.twist, given.dihedral, given.arc))
-    tip = chord if given.tip_chord is None else given.tip_chord
-    plan = Planform(span, chord, tip, sweep, twist, dihedral, arc, given.axis, given.planform)
-    if given.planform == "elliptic" and given.tip_chord is None:
-        raise SceneError(f"{where} lacks 'tip_chord'; an elliptic wing is cut where its chord is that long: add it.")
+    plan = _planform(where, given)
     profile = _profile(folder, where, given)
     sections = plan.stations(span_shares(strips, given.strip_spacing)).sections(_points(given, panels, profile))
     return mirrored_wing(sections, given.tip, given.tip_strips, profile.remarks)
+
+
+def _planform(where: str, given: BodyInput) -> Planform:
+    """The planform of a wing that has a span and a chord."""
+    assert given.span is not None
+    assert given.chord is not None
+    sweep, twist, dihedral, arc = (math.radians(v) for v in (given.sweep, given.twist, given.dihedral, given.arc))
+    tip = given.chord if given.tip_chord is None else given.tip_chord
+    if given.planform == "elliptic" and given.tip_chord is None:
+        raise SceneError(f"{where} lacks 'tip_chord'; an elliptic wing is cut where its chord is that long: add it.")
+    return Planform(given.span, given.chord, tip, sweep, twist, dihedral, arc, given.axis, given.planform)
+
+
+def _parafoil(folder: Path, where: str, given: BodyInput, rows: Sequence[float]) -> ClosedSurface:
+    """The parafoil of a planform with cells, or of a table of ribs."""
+    of = _ribs_of_planform if given.stations is None else _ribs_of_table
+    ribs, strips, remarks = of(folder, where, given, rows)
+    _check_count(where, 2 * strips * (len(ribs) - 1), ribs.shape[1])
+    return replace(parafoil(ribs, strips, given.tip, given.tip_strips), remarks=remarks)
+
+
+def _ribs_of_planform(
+    folder: Path, where: str, given: BodyInput, rows: Sequence[float]
+) -> tuple[np.ndarray, int, tuple[str, ...]]:
+    """Ribs (k,n,3) m of the right half, the strips of a cell, and remarks on the profile."""
+    needed, keys = ("strips", "panels", "span", "chord", "cells"), (*PROFILE, *WING, *PLANFORM, *CELLS)
+    known = tuple(key for key in keys if key not in ("strip_spacing", "stations"))
+    strips, panels, _, _, cells = _required(where, given, needed, known, "a parafoil")
+    if given.arc > STEEPEST:
+        raise SceneError(
+            f"{where} arc is {given.arc:g} degrees, half the angle of the circle that the wing follows; beyond "
+            f"{STEEPEST:g} its tips face each other: make it smaller."
+        )
+    if cells % 2:
+        raise SceneError(f"{where} cells must be even, so that a rib stands in the middle; there are {cells}.")
+    profile, plan = _profile(folder, where, given), _planform(where, given)
+    widths = cell_widths(cells // 2, given.equal_cells, given.last_cell)
+    return plan.stations(rib_shares(widths)).sections(_points(given, panels, profile, rows)), strips, profile.remarks
+
+
+def _ribs_of_table(
+    folder: Path, where: str, given: BodyInput, rows: Sequence[float]
+) -> tuple[np.ndarray, int, tuple[str, ...]]:
+    """The same of a table of ribs."""
+    needed, known = ("stations", "strips", "panels"), ("panels", "panel_spacing", "panel_growth", "stations", *WING)
+    file, strips, panels = _required(where, given, needed, known, "a parafoil with a table of ribs")
+    table = read_table(folder / file, STATIONS)
+    _check_ribs(table)
+    stations, profiles, remarks = _stations(folder, given, panels, table, rows)
+    ribs = stations.sections(profiles)
+    ribs[0, :, 1] = 0.0
+    return ribs, strips, remarks
 
 
 def _wing_of_stations(folder: Path, where: str, given: BodyInput) -> ClosedSurface:
@@ -130,22 +184,49 @@ def _wing_of_stations(folder: Path, where: str, given: BodyInput) -> ClosedSurfa
     table = read_table(folder / file, STATIONS)
     _check_order(table)
     _check_count(where, 2 * strips * len(table), panels)
-    known = {text: _named_profile(folder, table.at(row), text) for row, text in enumerate(table["profile"])}
-    points = {text: _points(given, panels, profile) for text, profile in known.items()}
-    place = np.column_stack([table["x_m"], table["y_m"], table["z_m"]])
-    twist, roll = (np.radians(np.array(table[key])) for key in ("twist_deg", "roll_deg"))
-    stations = Stations(place, np.array(table["chord_m"]), twist, roll, given.axis)
-    stations, profiles = stations.between(strips, np.stack([points[text] for text in table["profile"]]))
+    stations, profiles, remarks = _stations(folder, given, panels, table)
+    stations, profiles = stations.between(strips, profiles)
     sections = stations.sections(profiles)
-    remarks = tuple(remark for profile in known.values() for remark in profile.remarks)
     if table["y_m"][0] == 0.0:
-        if table["roll_deg"][0] != 0.0:
-            raise SceneError(
-                f"{table.at(0)}: roll_deg must be 0 in the plane y = 0, where both halves meet; correct it."
-            )
+        _check_middle(table)
         sections[0, :, 1] = 0.0
         return mirrored_wing(sections, given.tip, given.tip_strips, remarks)
     return lofted(sections, given.tip, given.tip_strips, remarks)
+
+
+def _stations(
+    folder: Path, given: BodyInput, panels: int, table: Table, rows: Sequence[float] = ()
+) -> tuple[Stations, np.ndarray, tuple[str, ...]]:
+    """Stations of a table, the profile (k,panels,2) of each with points at the shares `rows`, and remarks on these."""
+    known = {text: _named_profile(folder, table.at(row), text) for row, text in enumerate(table["profile"])}
+    points = {text: _points(given, panels, profile, rows) for text, profile in known.items()}
+    place = np.column_stack([table["x_m"], table["y_m"], table["z_m"]])
+    twist, roll = (np.radians(np.array(table[key])) for key in ("twist_deg", "roll_deg"))
+    stations = Stations(place, np.array(table["chord_m"]), twist, roll, given.axis)
+    remarks = tuple(remark for profile in known.values() for remark in profile.remarks)
+    return stations, np.stack([points[text] for text in table["profile"]]), remarks
+
+
+def _check_middle(table: Table) -> None:
+    """Raises where a table that begins in the plane y = 0 does so with a section that is not upright."""
+    if table["roll_deg"][0] != 0.0:
+        raise SceneError(f"{table.at(0)}: roll_deg must be 0 in the plane y = 0, where both halves meet; correct it.")
+
+
+def _check_ribs(table: Table) -> None:
+    """Raises where ribs do not lead from the plane y = 0 to the right tip, or are fewer than three in both halves."""
+    if table["y_m"][0] != 0.0:
+        raise SceneError(
+            f"{table.at(0)}: y_m is {table['y_m'][0]:g}; the ribs of a parafoil lead from y_m = 0 to the right tip, "
+            "and those on the left are their images: begin with the middle one."
+        )
+    if len(table) < 2:
+        raise SceneError(
+            f"{table.at(0)} is the only rib; a parafoil has three at least, the middle one and one at each tip: add "
+            "the right one."
+        )
+    _check_order(table)
+    _check_middle(table)
 
 
 def _check_order(table: Table) -> None:
@@ -223,9 +304,9 @@ def _named_profile(folder: Path, where: str, text: str) -> Profile:
     return read_profile(path).closed()
 
 
-def _points(given: BodyInput, panels: int, profile: Profile) -> np.ndarray:
-    """Points (panels,2) round the profile."""
-    return profile.points(panels, given.panel_spacing, 0.01 * given.panel_growth)
+def _points(given: BodyInput, panels: int, profile: Profile, rows: Sequence[float] = ()) -> np.ndarray:
+    """Points (panels,2) round the profile, some of them at the shares `rows` of its chord."""
+    return profile.points(panels, given.panel_spacing, 0.01 * given.panel_growth, rows)
 
 
 # Files

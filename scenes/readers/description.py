@@ -14,6 +14,7 @@ from ..schema import (
     SECTIONS,
     AeroInput,
     BodyInput,
+    BridleInput,
     Choices,
     DynamicsInput,
     MembranesInput,
@@ -34,7 +35,7 @@ from .tables import require_own
 
 Check = Callable[[Any], Any]
 # Sections that a scene may do without.
-_OPTIONAL = ("membranes", "body", "wing", "aero", "trim", "dynamics")
+_OPTIONAL = ("membranes", "body", "bridle", "wing", "aero", "trim", "dynamics")
 # Settings and keys of [aero] that mean something to a rigid wing, and to lines.
 _RIGID_SETTINGS = ("panels_per_section", "scale", "variant")
 _BODY_SETTINGS = ("scale", "variant")
@@ -55,6 +56,7 @@ class Description:
     structure: StructureInput | None
     membranes: MembranesInput | None
     body: BodyInput | None
+    bridle: BridleInput | None
     wing: WingInput | None
     aero: AeroInput | None
     trim: TrimInput | None
@@ -156,6 +158,7 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
         found[section] = _section(label, section, {**given, **changes.get(section, {})})
     _check_method(label, found)
+    _check_bridle(label, found)
     if rigid:
         return found
     _check_aero_of_structure(label, found)
@@ -220,6 +223,18 @@ def _check_method(label: str, found: Mapping[str, Any]) -> None:
         fits = ", ".join(f'"{name}"' for name in methods() if of_bodies(name) == (body is not None))
         what = "[wing], a sheet of sections with polars," if body is None else "[body], a closed surface,"
         raise SceneError(f'{label}: [aero] method "{aero.method}" is not for {what} as {fits} is; name another one.')
+
+
+def _check_bridle(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where a bridle holds no parafoil of membranes."""
+    body, membranes = found["body"], found["membranes"]
+    if found["bridle"] is None:
+        return
+    if body is None or body.shape != "parafoil" or membranes is None or membranes.shape != "body":
+        raise SceneError(
+            f'{label}: [bridle] hangs on the ribs of a parafoil; add [body] with shape = "parafoil" and [membranes] '
+            'with shape = "body", or drop it.'
+        )
 
 
 def _keys(content: Mapping[str, Any], section: str) -> Mapping[str, Any]:

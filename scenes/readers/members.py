@@ -15,7 +15,7 @@ from structural import Chains
 from ..checks import free_line_ends
 from ..interface import Interface
 from ..members import Members, PointLoad
-from ..schema import Choices, MembranesInput, SceneError, StructureInput
+from ..schema import BridleInput, Choices, MembranesInput, SceneError, StructureInput
 from .elements import Element, canopy_bending, canopy_quads, lines, mass_shares, point_masses, springs
 from .inflatable_wing import read_wing_mesh
 from .tables import name, number, read_table
@@ -40,16 +40,19 @@ def read_members(
     wind: tuple[float, ...],
     membranes: MembranesInput | None = None,
     surface: "ClosedSurface | None" = None,
+    bridle: BridleInput | None = None,
 ) -> Members:
     """All members of the sections [structure] and [membranes], checked: missing and duplicate nodes and names, parts
     that nothing holds.
 
     `offered` are the names of the settings that the scene has, `wind` its direction, which tells left from right,
-    `surface` that of [body], in the scale of the tables.
+    `surface` that of [body], in the scale of the tables, which may hang on the lines of a `bridle`.
     """
     check_wing_keys(folder, structure, choices, offered)
     check_membrane_settings(folder, offered, membranes)
     labels, nodes, fixed = _nodes(folder, structure, membranes)
+    if bridle is not None:
+        labels, nodes, fixed, membranes = _with_bridle(folder, bridle, surface, membranes, labels, nodes, fixed)
     wing = None
     if structure.tubes:
         mesh = choices.canopy_stations, choices.canopy_subdivisions
@@ -60,7 +63,7 @@ def read_members(
     if membranes is not None:
         from .membranes import read_membranes  # not loaded for scenes without
 
-        alone = not any(getattr(structure, key) for key in ("springs", "canopy", "lines", "tubes"))
+        alone = bridle is None and not any(getattr(structure, key) for key in ("springs", "canopy", "lines", "tubes"))
         weighs = structure.masses is not None or any(f.density for f in membranes.fabrics.values())
         dead = structure.loads is not None or (weighs and structure.gravity != 0.0)
         own = labels, nodes, fixed, alone, dead
@@ -74,6 +77,8 @@ def read_members(
         for key, read in (("springs", springs), ("canopy", canopy_quads), ("lines", lines))
         if getattr(structure, key)
     ]
+    if bridle is not None:
+        declared.append(_bridle_lines(folder, bridle, structure, surface, table_index, nodes))
     for element, where in chain(*declared, () if placed is None else placed.cables):
         if element.name in taken:
             raise SceneError(f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename.")
@@ -103,6 +108,25 @@ def read_members(
     bending = _bending(folder, structure, table_index, nodes)
     members = Members(nodes, fixed, tuple(labels), groups, area, mass + of_wing, of_wing, wing, bending, skin)
     return members if choices.scale == 1.0 else _scaled(members, float(choices.scale))
+
+
+def _with_bridle(folder, bridle, surface, membranes, labels, nodes, fixed):
+    """Labels, places and supports of the nodes of the tables and of a bridle; the membranes with where it begins."""
+    from .bridles import bridle_nodes  # not loaded for scenes without
+
+    more, places, held = bridle_nodes(bridle, surface)
+    if twice := set(more) & set(labels):
+        raise SceneError(
+            f"{folder.name}/scene.toml: [bridle] has a node '{min(twice)}' of its own; rename that of the table."
+        )
+    membranes = replace(membranes, attachments=membranes.attachments | bridle.rows)
+    return (*labels, *more), np.concatenate([nodes, places]), np.concatenate([fixed, held]), membranes
+
+
+def _bridle_lines(folder, bridle, structure, surface, index, nodes):
+    from .bridles import bridle_lines
+
+    return bridle_lines(folder, bridle, structure, len(surface.ribs), index, nodes)
 
 
 def _bending(folder, structure, index, nodes):

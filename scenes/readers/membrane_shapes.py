@@ -41,7 +41,9 @@ def made_mesh(
     known = (*sizes, "cells", *((second,) if second else ()), *others)
     if odd := sorted(given.size.keys() - set(known)):
         raise SceneError(f"{where}.size] has an unknown key '{odd[0]}'; a {shape} has: {', '.join(known)}.")
-    if lacking := [key for key in (*sizes, "cells") if key not in given.size]:
+    ribs = None if surface is None or shape != "body" else surface.ribs
+    counted = () if ribs is not None else ("cells",)  # those of a parafoil are known
+    if lacking := [key for key in (*sizes, *counted) if key not in given.size]:
         raise SceneError(f"{where}.size] lacks '{lacking[0]}'; add it.")
     if shape == "ruled" and given.profiles is None:
         raise SceneError(f"{where}] lacks 'profiles', the table of the profiles of a ruled surface; add it.")
@@ -61,6 +63,9 @@ def made_mesh(
             raise SceneError(
                 f"{where}] order 2 means nothing to a body, whose panels have no nodes on their sides; take 1."
             )
+    between = 0 if ribs is None else len(ribs) - 1
+    if ribs is not None and (choices.cells or whole.setdefault("cells", between) != between):
+        raise SceneError(f"{where}.size] cells are those of the parafoil in [body], {between}; drop the others.")
     cells = _cells(whole, second, choices.cells)
     if cells[0] * (cells[1] or cells[0]) * max([1, *(whole.get(key, 1) for key in others)]) > MOST:
         raise SceneError(f"{where}.size] asks for more than {MOST} cells; take fewer.")
@@ -135,7 +140,7 @@ def _body(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
     strips = len(rows) - 1
     if strips % cells[0]:
         raise ValueError(f"{strips} strips of the wing are no whole number of each of {cells[0]} cells.")
-    ribs = list(rows[:: strips // cells[0]])
+    ribs = list(rows[:: strips // cells[0]] if surface.ribs is None else rows[surface.ribs])
     return ram_air_mesh(
         surface.nodes, surface.panels, ribs, whole.get("rib_rows", 4), options["attachments"], True, "ram-air wing"
     )

@@ -1,5 +1,6 @@
 """Reads a scene: a folder with a scene.toml and its tables, checked, becomes a `Scene` that is ready to be solved."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +41,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     """The scene with this name or in this folder; raises `SceneError` with one sentence where anything is wrong."""
     folder = _folder(scene)
     read = read_description(folder, settings or {})
-    read = _scaled(folder, read)
+    read = _started(folder, _scaled(folder, read))
     wind = _DOWNWIND if read.aero is None else read.aero.wind_direction
     wing = read.wing
     loads: tuple[PointLoad, ...] = ()
@@ -51,7 +52,9 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
         interface = _rigid_interface(read, surface, sections)
         members, struts = rigid_members(interface.nodes), interface.sections[:, [0, -1]]
     else:
-        members = read_members(folder, read.structure, read.choices, read.offers, wind, read.membranes, surface)
+        members = read_members(
+            folder, read.structure, read.choices, read.offers, wind, read.membranes, surface, read.bridle
+        )
         struts = read_struts(folder, read, members)
         sections = None if wing is None else read_sections(folder, wing, wind)
         loads, pivot = read_loads(folder, read.structure, members), read.structure.pivot
@@ -136,13 +139,47 @@ def _scaled_point(scale: float, point: tuple[float, ...] | None) -> tuple[float,
     return None if point is None else tuple(scale * x for x in point)
 
 
+def _started(folder: Path, read: Description) -> Description:
+    """With the trim that is chosen, and the wind turned by the angle at which the wing starts in it."""
+    choices, bridle, aero = read.choices, read.bridle, read.aero
+    if choices.trim is not None:
+        if bridle is None:
+            raise SceneError(f"{folder.name}/scene.toml: [settings.trim] means nothing without [bridle]; remove it.")
+        if not -50.0 <= choices.trim <= 150.0:
+            raise SceneError(
+                f"{folder.name}: trim must be a number from -50 to 150, per cent of the middle chord; it is "
+                f"{choices.trim:g}."
+            )
+        bridle = replace(bridle, trim=choices.trim)
+    if choices.start_angle:
+        if aero is None or read.wing is not None:
+            raise SceneError(
+                f"{folder.name}/scene.toml: [settings.start_angle] turns the wind of [aero] on a [body]; remove it."
+            )
+        aero = replace(aero, wind_direction=_turned_up(aero.wind_direction, choices.start_angle))
+    return replace(read, bridle=bridle, aero=aero)
+
+
+def _turned_up(direction: tuple[float, ...], angle: float) -> tuple[float, ...]:
+    """A direction turned by `angle` deg about the y axis, from downwind upward."""
+    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+    x, y, z = direction
+    return c * x - s * z, y, c * z + s * x
+
+
 def _surface(folder: Path, read: Description) -> "ClosedSurface | None":
     """The closed surface of [body], None without."""
     if read.body is None:
         return None
     from .bodies import read_body  # not loaded for scenes without
 
-    return read_body(folder, read.body)
+    rows: tuple[float, ...] = ()
+    if read.bridle is not None:
+        from .bridles import check_bridle
+
+        check_bridle(folder, read.bridle)
+        rows = tuple(read.bridle.rows.values())
+    return read_body(folder, read.body, rows)
 
 
 def _interface(

@@ -11,9 +11,20 @@ OPTIONS = {
     "canopy_stations": None, "canopy_subdivisions": None, "tube_law": ("breukels", "fabric", "tip-deflection"),
     "camber_feedback": ("on", "off"), "scale": None, "integration": INTEGRATION,
     "line_area": ("inclined", "projected"), "cells": None, "order": None, "wrinkling": ("on", "off"),
+    "trim": None, "start_angle": None,
 }  # fmt: skip
 
-NUMBERS = ("panels_per_section", "canopy_stations", "canopy_subdivisions", "scale", "cells", "order")
+NUMBERS = (
+    "panels_per_section",
+    "canopy_stations",
+    "canopy_subdivisions",
+    "scale",
+    "cells",
+    "order",
+    "trim",
+    "start_angle",
+)
+FRACTIONS = ("scale", "trim", "start_angle")  # of NUMBERS, those that need not be whole
 
 
 def offered_settings(label: str, settings: Any) -> dict[str, Setting]:
@@ -31,7 +42,7 @@ def _offered(place: str, key: str, option: Any) -> Setting:
     default, about = option["default"], str(option.get("description", ""))
     if isinstance(default, str) and key in NUMBERS:
         raise SceneError(f"{place} default must be a number; correct it.")
-    if isinstance(default, float) and key in NUMBERS and key != "scale":
+    if isinstance(default, float) and key in NUMBERS and key not in FRACTIONS:
         raise SceneError(f"{place} default must be a whole number; correct it.")
     if isinstance(default, int | float) and not isinstance(default, bool) and key not in NUMBERS:
         raise SceneError(f"{place} default must be a text; correct it.")

@@ -211,7 +211,7 @@ def outcome(nodes, panels, edges, direction):
 # [body] in scene.toml: text, files and words
 SCENES = {
     "no shape": (WING.replace('shape = "wing"\n', ""), {}, ["[body] lacks 'shape'"]),
-    "unknown shape": (WING.replace('"wing"', '"kite"'), {}, ["shape must be one of: wing, box-wing, mesh-file"]),
+    "unknown shape": (WING.replace('"wing"', '"kite"'), {}, ["must be one of: wing, parafoil, box-wing, mesh-file"]),
     "misspelt key": (WING + "dihedrall = 3.0\n", {}, ["unknown key 'dihedrall'"]),
     "no span": (WING.replace("span = 6.0\n", ""), {}, ["[body] lacks 'span'; a wing needs it"]),
     "negative chord": (WING.replace("chord = 1.0", "chord = -1.0"), {}, ["chord must be a finite number above 0"]),

@@ -24,7 +24,7 @@ def test_every_setting_is_a_choice_with_a_value_for_scenes_that_do_not_offer_it(
     for field in fields(Choices):
         assert field.default is not MISSING
         if field.name in NUMBERS:
-            assert isinstance(field.default, int | float)
+            assert isinstance(field.default, int | float | None)
         elif OPTIONS[field.name] is not None and field.default is not None:
             assert field.default in OPTIONS[field.name]
 

@@ -1,0 +1,47 @@
+"""Parafoils: the ribs of a ram-air kite between which its cells are ruled, and their closed surface.
+
+x aft, y to the right, z up, lengths in m. Ribs are profile sections; panels of a cell are ruled between two of them, so
+that each strip of cloth from rib to rib is flat across the span as it is cut. Inlets are closed.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from .wings import ClosedSurface, mirrored_wing
+
+FEWEST = 3  # ribs: two cells
+STEEPEST = 80.0  # deg, half the angle of the arc, beyond which the tips of a kite face each other
+
+
+def cell_widths(cells: int, equal: int | None = None, last: float = 1.0) -> np.ndarray:
+    """Widths (cells,) of the cells of one half, from the middle outward, over that of the first one.
+
+    The first `equal` ones are as wide as each other (none: all), those after them narrow by equal steps to `last`.
+    """
+    count = cells if equal is None else equal
+    if not 0 < count <= cells:
+        raise ValueError(f"of {cells} cells of a half, {count} cannot be equally wide; give 1 to {cells}.")
+    narrow = cells - count
+    return np.concatenate([np.ones(count), 1.0 - (1.0 - last) * np.arange(1, narrow + 1) / max(narrow, 1)])
+
+
+def rib_shares(widths: np.ndarray) -> np.ndarray:
+    """Shares (cells + 1,) of the half span at which ribs stand, from the middle to the tip, for `widths` (cells,)."""
+    ends = np.concatenate([[0.0], np.cumsum(widths)])
+    return ends / ends[-1]
+
+
+def parafoil(ribs: np.ndarray, strips: int, tip: str = "flat", tip_strips: int = 4) -> ClosedSurface:
+    """The wing of which `ribs` (k,n,3) m are the profile sections from the plane y = 0 to the right tip, and its image.
+
+    Between two ribs stand `strips` strips of quads on straight rulings. The sections that are ribs are `ribs` (2k - 1,)
+    of the surface, from tip to tip. ValueError for fewer than three ribs, left and right ones together.
+    """
+    if 2 * len(ribs) - 1 < FEWEST:
+        raise ValueError("a parafoil needs three ribs at least, one in the middle and one at each tip.")
+    share = (np.arange(strips) / strips)[:, None, None]
+    cells = [(1.0 - share) * one + share * other for one, other in pairwise(ribs)]
+    surface = mirrored_wing(np.concatenate([*cells, ribs[-1:]]), tip, tip_strips)
+    return replace(surface, ribs=np.arange(2 * len(ribs) - 1) * strips)
