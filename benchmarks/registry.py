@@ -31,6 +31,7 @@ SUBJECTS = (
     "panel_bodies",
     "panel_peers",
     "panel_fmus",
+    "parafoils",
     "v3_detailed",
     "hanging",
     "exchange",

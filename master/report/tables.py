@@ -300,6 +300,7 @@ def _flow_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]
         *wind,
         ("C_L, C_D", f"{float(aero['CL']):.4f}, {float(aero['CD']):.4f} ({area})"),
         *scene.wing_model.rows(aero),
+        *([("projected area", f"{float(aero['projected_area']):.2f} m2")] if "projected_area" in aero else []),
         ("aerodynamic force", _vector(aero["force"]) + " N"),
     ]
 

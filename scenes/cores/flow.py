@@ -158,6 +158,10 @@ class FlowSolver(Solver):
         text = f"aerodynamic moment on the wing about the {self._about_what}"
         yield output("moment", (3,), unit="N.m", description=text)
 
+        if self._scene.body is not None:
+            text = "area of the wing as deformed, projected along the direction in which that is largest"
+            yield output("projected_area", unit="m2", description=text)
+
     def check(self, block, array):
         """See Solver."""
         if block == "wind_direction" and not np.abs(array).max() > 0.0:
@@ -266,6 +270,8 @@ class FlowSolver(Solver):
             out |= {"CL": c.CL, "CD": c.CD, "CS": c.CS, "force": force, "moment": found[0].moment}
             out["glide_ratio"] = glide_ratio(whole, flow.direction)
             out["reference_area_misfit"] = self._misfit
+            if self._scene.body is not None:
+                out["projected_area"] = wing_areas(self._interface, flow.nodes)[0]
         out["outside_validity"] = outside(self.criteria, out)
         kept, symmetric = tuple(response.state for response in found), any(response.symmetric for response in found)
         return Result(out, FlowState(time, kept, symmetric))
@@ -307,11 +313,11 @@ class FlowSolver(Solver):
         return mirror_permutation(self._heading.home(self._interface.nodes))
 
 
-def wing_areas(mesh):
-    """Area m^2 of a wing in its reference configuration, projected along the direction in which that is largest, and
-    laid out; of a closed body the half of both.
+def wing_areas(mesh, nodes=None):
+    """Area m^2 of a wing in its reference configuration, or on displaced `nodes` (n,3) m, projected along the direction
+    in which that is largest, and laid out; of a closed body the half of both.
     """
-    a = area_vectors(mesh.nodes[mesh.panels])
+    a = area_vectors((mesh.nodes if nodes is None else nodes)[mesh.panels])
     size = np.linalg.norm(a, axis=1)
     along = np.linalg.eigh(np.einsum("ni,nj,n->ij", a, a, 1.0 / np.where(size > 0.0, size, np.inf)))[1][:, -1]
     sides = 2.0 if mesh.closed else 1.0
