@@ -132,7 +132,7 @@ class PanelModel(AeroModel):
         if self._half is not None:
             self._stencils[True] = Stencils.of(self._body, geometry.centre, geometry.normal, self._half.panels)
         self._solver: tuple[bool, PanelSolver] | None = None
-        self._strips = Strips.of(self._body)
+        self._strips = Strips.of(self._body, nodes)
         self._polars = None if wing.polars is None else wing.polars()
         if self._polars is not None and not (self._strips.whole and len(self._polars.ends) == len(self._strips.ends)):
             raise ValueError("section polars need a wing of strips of quads, and as many of them as there are strips.")

@@ -23,12 +23,14 @@ class Strips:
     rows: tuple[np.ndarray, ...]
     of_panel: np.ndarray
     whole: bool
-    _lines: np.ndarray
-    _of_line: np.ndarray
+    _noses: np.ndarray
+    _with_nose: np.ndarray
 
     @classmethod
-    def of(cls, body):
-        """The strips of a `Body`."""
+    def of(cls, body, nodes):
+        """The strips of a `Body` whose nodes (n,3) m are at rest. The nose of each is where the line between two of its
+        panels is furthest from the trailing edge there, and stays on this line when the wing deforms.
+        """
         lengths = np.array([len(row) for row in body.strips], dtype=int)
         strip = np.repeat(np.arange(len(lengths)), lengths)
         panel = np.concatenate([*body.strips, np.zeros(0, int)]).astype(int)
@@ -36,25 +38,24 @@ class Strips:
         of_panel[panel] = strip
         whole = bool(len(lengths)) and bool((lengths > 0).all())
         at, same = body.trailing, np.flatnonzero(strip[1:] == strip[:-1])
-        lines = _shared(body.panels[panel[same]], body.panels[panel[same + 1]])
-        return cls(at[:, 2:], at[:, :2], body.strips, of_panel, whole, lines, strip[same])
+        lines, of_line = _shared(body.panels[panel[same]], body.panels[panel[same + 1]]), strip[same]
+        tails = nodes[at[:, 2:]].mean(axis=1)
+        distance = np.linalg.norm(nodes[lines].mean(axis=1) - tails[of_line], axis=1)
+        order = np.lexsort((-distance, of_line))
+        with_nose, first = np.unique(of_line[order], return_index=True)
+        return cls(at[:, 2:], at[:, :2], body.strips, of_panel, whole, lines[order[first]], with_nose)
 
     def middles(self, nodes):
         """Middles (s,3) m of the trailing edges."""
         return nodes[self.ends].mean(axis=1)
 
     def chords(self, nodes, centre):
-        """Vectors (s,3) m from the nose of each strip, where the line between two of its panels is furthest from the
-        trailing edge, to the middle of that; without rows only as far as the middle of the panels at the trailing edge.
+        """Vectors (s,3) m from the nose of each strip to the middle of its trailing edge; without rows only from the
+        middle of the panels at the trailing edge.
         """
         middle = self.middles(nodes)
         fore = centre[self.edges].mean(axis=1)
-        if len(self._lines):
-            line = nodes[self._lines].mean(axis=1)
-            distance = np.linalg.norm(line - middle[self._of_line], axis=1)
-            order = np.lexsort((-distance, self._of_line))
-            strips, first = np.unique(self._of_line[order], return_index=True)
-            fore[strips] = line[order[first]]
+        fore[self._with_nose] = nodes[self._noses].mean(axis=1)
         return middle - fore
 
     def skewness(self, nodes, points):

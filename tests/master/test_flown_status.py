@@ -55,7 +55,7 @@ def test_a_kite_that_flies_keeps_its_status():
 
 def test_sides_that_went_through_each_other_are_seen_strip_by_strip():
     surface = wing()
-    strips = Strips.of(Body.of(surface.nodes, surface.panels, surface.trailing_edges))
+    strips = Strips.of(Body.of(surface.nodes, surface.panels, surface.trailing_edges), surface.nodes)
     tips = strips.middles(surface.nodes)[:, 1]
     turned = np.where(surface.nodes[:, 1:2] > 1.5, surface.nodes * [1.0, 1.0, -1.0], surface.nodes)  # inside out there
     for nodes, crossed in ((surface.nodes, tips > 9.0), (turned, tips > 1.5)):
