@@ -144,6 +144,11 @@ class AeroModel:
         """Outputs that are others where the same flow is asked for again and nothing has to be solved."""
         return {}
 
+    @property
+    def differentiable(self) -> bool:
+        """Whether there are directional derivatives: whether it has a `derivative` of its own."""
+        return type(self).derivative is not AeroModel.derivative
+
     def derivative(self, flow: Flow, values: Values, state: Any) -> Derivative:
         """Derivatives of the loads at a solved flow and its state, a function of directions (n,3) m of the nodes;
         ValueError in one sentence where there are none.

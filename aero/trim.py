@@ -52,7 +52,18 @@ def trims(loads: Callable[[float], tuple[float, float]], low: float, high: float
         after = loads(right)[0]
         falls, rises = before > 0.0 >= after, before < 0.0 <= after
         if falls or rises:
-            angle = float(brentq(lambda a: loads(a)[0], left, right, xtol=1e-6))
+            angle = _zero(lambda a: loads(a)[0], (left, before), (right, after))
             points.append(TrimPoint(angle, falls, loads(angle)[1]))
         before = after
     return Trims(tuple(points), first, before)
+
+
+def _zero(moment, low, high):
+    """The zero between two angles with moments of different signs. A flow that has more than one answer may give others
+    when it is asked again: then those known count.
+    """
+    known = dict([low, high])
+    try:
+        return float(brentq(moment, low[0], high[0], xtol=1e-6))
+    except ValueError:
+        return float(brentq(lambda a: known[a] if a in known else moment(a), low[0], high[0], xtol=1e-6))

@@ -125,8 +125,8 @@ def schemes(quick):
         rows.append([name, *cells(coupling, end), *times(end)])
     return lines(
         table(("scheme", *RUN, *TIMES), rows),
-        "The thesis (figure 4.8, residual 1e-3 of the displacement): explicit 12 to 13, Aitken never within 20, IQN-ILS "
-        "12 to 15 with a filter tuned by hand.",
+        "The thesis (figure 4.8, residual 1e-3 of the displacement): explicit 12 to 13, Aitken never within 20, "
+        "IQN-ILS 12 to 15 with a filter tuned by hand.",
     )
 
 

@@ -204,7 +204,10 @@ class Exchange:
         """ValueError in one sentence if a participant offers no directional derivatives."""
         for name, participant in self.participants.items():
             if not getattr(participant, "offers_derivatives", False):
-                raise ValueError(f"{self.described(name)} offers no directional derivatives, solvers in-process do.")
+                why = (
+                    getattr(participant, "refuses_derivatives", "") or "use solvers in this process, or another scheme."
+                )
+                raise ValueError(f"{self.described(name)} offers no directional derivatives: {why}")
 
     def _step(self, participant: Participant, name: str, inputs: dict[Connection, np.ndarray]) -> None:
         count = int(self.substeps[name])

@@ -141,6 +141,11 @@ class Core:
         """Whether there are directional derivatives."""
         return not self.solver.refuses_derivatives
 
+    @property
+    def refuses_derivatives(self) -> str:
+        """Why there are no directional derivatives, in one sentence; "" where there are some."""
+        return self.solver.refuses_derivatives
+
     def set(self, block: str, values: Any) -> None:
         """Copy `values` into an input or parameter; `ValueError` in one sentence if they do not fit, nothing set
         then.

@@ -53,9 +53,10 @@ class FlowSolver(Solver):
         validity = (*(c.variables()[0] for c in own), outside_variable())
         self.variables = (*self._declared(scene.aero), *validity)
         around = "lines alone" if wing is None else "the wing of a transient scene" if scene.transient else ""
-        if around:
-            remedy = "use a scheme that needs none"
-            self.refuses_derivatives = f"the flow around {around} has no directional derivatives; {remedy}."
+        without = [m.title for m in self.models if not m.differentiable]
+        what = f"the flow around {around}" if around else "".join(without[:1])
+        if what:
+            self.refuses_derivatives = f"{what} has no directional derivatives; use a scheme that needs none."
 
     def _declared(self, aero):
         yield from self._air(aero)

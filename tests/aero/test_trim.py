@@ -30,3 +30,14 @@ def test_a_kite_starts_at_the_first_stable_one_that_lifts():
 def test_a_moment_that_only_rises_has_no_start():
     found = trims(lambda a: (a - 0.1, 1.0), -0.2, 0.6)
     assert ([p.stable for p in found.points], found.start) == ([False], None)
+
+
+def test_a_flow_that_answers_otherwise_when_asked_again_still_has_its_zeros():
+    asked = []
+
+    def stalling(angle):
+        again = angle in asked
+        asked.append(angle)
+        return (1.0 if again else moment(angle)), 1.0
+
+    assert [p.angle for p in trims(stalling, -0.2, 0.6).points] == pytest.approx(ZEROS, abs=1e-6)

@@ -361,3 +361,10 @@ def test_step_that_fails_leaves_no_derivative(equilibria):
         structure.step(0.0, 1.0)
     with pytest.raises(ValueError, match="last step failed"):
         structure.directional_derivative({})
+
+
+def test_the_panel_method_says_before_any_step_that_it_has_no_derivatives():
+    core = scenes.load("box_wing").aero_core()
+    assert not core.offers_derivatives
+    with pytest.raises(ValueError, match="the 3D panel method has no directional derivatives"):
+        core.directional_derivative({"displacement": np.zeros_like(core.get("displacement"))})

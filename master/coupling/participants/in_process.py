@@ -18,6 +18,7 @@ class InProcessParticipant(Blocks):
         self.name = name
         self._core = core
         self.offers_derivatives = getattr(core, "offers_derivatives", hasattr(core, "directional_derivative"))
+        self.refuses_derivatives = getattr(core, "refuses_derivatives", "")
         self.criteria = getattr(core, "criteria", ())
         self._look = getattr(core, "look", None)
         self.blocks = {v.name: tuple(v.shape) for v in core.variables}
