@@ -489,6 +489,8 @@ class BodyInput:
     `plate_strips` on the end plate and `corner_strips` in each corner.
     A file is a `mesh` with `unit` of its lengths (none: m) and the cell data `groups` that say what groups its elements
     are in; its lines in the groups `trailing_edges` are these (none: they are found; an empty text: there are none).
+    The drag of strips is that of section `polars`, a file: of its only one, of the one named `polar`, or of those in
+    the column polar of the table of stations.
     """
 
     shape: Annotated[str, OneOf(BODIES)] = field(kw_only=True)
@@ -520,6 +522,8 @@ class BodyInput:
     unit: Annotated[str, OneOf(("m", "cm", "mm", "ft", "in"))] | None = None
     groups: Annotated[str, a_text] | None = None
     trailing_edges: Annotated[tuple[str, ...], texts_or_none] | None = None
+    polars: File | None = None
+    polar: Annotated[str, a_text] | None = None
 
 
 SECTIONS = {

@@ -35,6 +35,11 @@ OF_STRIPS = (
     "to the trailing edge",
 )  # fmt: skip
 
+OF_POLARS = (
+    "strips_beyond_polar", "strips beyond their polar", 0.0, "section polars between their largest lift on either "
+    "side, whose drag is held beyond",
+)  # fmt: skip
+
 OF_EDGES = (
     "trailing_edge_skew", "offset of the panels above and below a trailing edge", 2.0, "triangles that do not face "
     "each other across a thin trailing edge: lift is off by 1.5 % at 2, 4 % at 12, 10 % at 70, docs/verification.md",
@@ -136,6 +141,9 @@ class PanelModel(AeroModel):
         labels = tuple(f"strip {i}" for i in range(1, len(self._strips.ends) + 1))
         if self._strips.whole:
             self.criteria += (Criterion(*OF_STRIPS, labels=labels, whole=True),)
+        if self._polars is not None:
+            self._of_polars = Criterion(*OF_POLARS, labels=labels, whole=True)
+            self.criteria += (self._of_polars,)
         if labels:
             self._of_edges = Criterion(*OF_EDGES, labels=labels)
             self.criteria += (self._of_edges, OF_LIFT, OF_DRAG)
@@ -437,11 +445,7 @@ class PanelModel(AeroModel):
         at = strips.separations(case.nodes, g.centre, velocity, viscosity, self._transition)
         separated = at < ATTACHED
         area = length * far.width
-        if self._polars is None:
-            cd = np.full(len(length), float(values["profile_drag_coefficient"]))
-        else:
-            lift = np.linalg.norm(far.strip_force, axis=1) / np.where(area > 0.0, q * area, np.inf)
-            cd = section_drag(self._polars, -np.sign(jumps) * lift)
+        cd, of_polars = self._section_drag(far, jumps, q * area, values)
         drag = q * area * cd
         mean = float(area.sum() / far.width.sum())
         criterion = self.criteria[0]
@@ -454,6 +458,18 @@ class PanelModel(AeroModel):
             "profile_drag": float((drag if case.on_strips is None else drag * (direction @ case.direction)).sum()),
             "reynolds_number": case.speed * mean / viscosity,
             "alpha_mid": self._mid_angle(case, chord),
+        } | of_polars
+
+    def _section_drag(self, far, jumps, force, values):
+        """c_d (s,) of strips of `force` (s,) N, dynamic pressure times area each, and what their polars say."""
+        if self._polars is None:
+            return np.full(len(jumps), float(values["profile_drag_coefficient"])), {}
+        lift = np.linalg.norm(far.strip_force, axis=1) / np.where(force > 0.0, force, np.inf)
+        cd, beyond = section_drag(self._polars, -np.sign(jumps) * lift)
+        at = self._of_polars
+        return cd, {
+            at.name: np.count_nonzero(beyond),
+            at.place: worst(np.where(beyond, lift, 0.0))[1],
         }
 
     def _mid_angle(self, case, chord):

@@ -124,14 +124,16 @@ def _shared(one, other):
 
 def section_drag(polars, lift):
     """c_d (s,) at the lift coefficients `lift` (s,) of strips with `polars`, on the branch between the stalls on either
-    side; that of the stall beyond it.
+    side, that of the stall or of the end of the data beyond it; and which lie beyond (s,).
     """
     low, high = polars.stall_angles()
+    low, high = np.maximum(low, polars.ends[:, 0]), np.minimum(high, polars.ends[:, 1])
     alpha = polars.alpha[:, None]
     cl = np.stack([polars.all(np.full(len(lift), at))[0] for at in polars.alpha])
     attached = (alpha >= low) & (alpha <= high)
-    found = np.empty(len(lift))
+    found, beyond = np.empty(len(lift)), np.zeros(len(lift), dtype=bool)
     for i in range(len(lift)):
-        on = attached[:, i]
-        found[i] = np.interp(lift[i], cl[on, i], polars.alpha[on])
-    return polars.all(found)[1]
+        branch, angles = cl[attached[:, i], i], polars.alpha[attached[:, i]]
+        found[i] = np.interp(lift[i], branch, angles)
+        beyond[i] = not branch[0] <= lift[i] <= branch[-1]
+    return polars.all(found)[1], beyond

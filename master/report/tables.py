@@ -242,7 +242,8 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
         with_lines = ", with lines" if "line_force" in aero else ""
-        rows.insert(8, (f"lift over drag{with_lines}", f"{float(aero['glide_ratio']):.3f}"))
+        after = 1 + [name for name, _ in rows].index("C_L, C_D")
+        rows.insert(after, (f"lift over drag{with_lines}", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural.get("tension", np.zeros(0))
     lines = scene.members.names
     one_way = scene.members.lines

@@ -52,11 +52,13 @@ def read_body(folder: Path, given: BodyInput) -> ClosedSurface:
 
 
 def files_of(folder: Path, given: BodyInput) -> list[str]:
-    """The files in the scene's folder that a body is made of: mesh, table of stations, coordinates of profiles."""
+    """The files in the scene's folder that a body is made of: mesh, tables of stations and polars, coordinates of
+    profiles.
+    """
     profiles = [] if given.profile is None else [given.profile]
     if given.stations is not None:
         profiles += read_table(folder / given.stations, STATIONS)["profile"]
-    files = [text for text in (given.mesh, given.stations) if text is not None]
+    files = [text for text in (given.mesh, given.stations, given.polars) if text is not None]
     return files + sorted({text for text in profiles if not NACA.fullmatch(text)})
 
 
@@ -91,7 +93,7 @@ def _required(where: str, given: BodyInput, needed: tuple[str, ...], known: tupl
             raise SceneError(f"{where} lacks '{key}'; {what} needs it: add it.")
     defaults = BodyInput(shape=given.shape)
     for key in vars(defaults):
-        if key not in ("shape", *known) and getattr(given, key) != getattr(defaults, key):
+        if key not in ("shape", "polars", "polar", *known) and getattr(given, key) != getattr(defaults, key):
             raise SceneError(f"{where} {key} means nothing to {what}; drop it.")
     return [getattr(given, key) for key in needed]
 

@@ -155,6 +155,7 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
             raise SceneError(f"{label}: [{section}] must be a table; write its keys below a line [{section}].")
         found[section] = _section(label, section, {**given, **changes.get(section, {})})
     _check_method(label, found)
+    _check_drag(label, found)
     if rigid:
         return found
     _check_aero_of_structure(label, found)
@@ -219,6 +220,18 @@ def _check_method(label: str, found: Mapping[str, Any]) -> None:
         fits = ", ".join(f'"{name}"' for name in methods() if of_bodies(name) == (body is not None))
         what = "[wing], a sheet of sections with polars," if body is None else "[body], a closed surface,"
         raise SceneError(f'{label}: [aero] method "{aero.method}" is not for {what} as {fits} is; name another one.')
+
+
+def _check_drag(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where the drag of the strips of a body is said twice."""
+    body, aero = found["body"], found["aero"]
+    if body is None or aero is None or body.polars is None:
+        return
+    if aero.options.get("profile_drag_coefficient"):
+        raise SceneError(
+            f"{label}: [aero] profile_drag_coefficient stands beside [body] polars, which say the drag of strips; drop "
+            "one of them."
+        )
 
 
 def _keys(content: Mapping[str, Any], section: str) -> Mapping[str, Any]:

@@ -63,6 +63,10 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
+    elif surface is not None and read.body is not None:
+        from .body_polars import read_body_polars
+
+        polars = read_body_polars(folder, read.body, surface)
     made = Scene(
         folder.name,
         read.title,
