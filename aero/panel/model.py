@@ -6,17 +6,19 @@ from typing import Any, cast
 
 import numpy as np
 
-from aero.model import AeroModel, Flow, Response
+from aero.model import AeroModel, EdgeStrips, Flow, Response
 from aero.wind import lift_direction
 from interface import MIRROR, Criterion, StepFailed, UprightPlane, Variable, area_vectors, corner_shares
 from interface.mirror import mirror_permutation
 from interface.validity import worst
+from interface.vectors import cross
 
 from .bodies import Body
 from .collocation import collocation_points
 from .influence import PanelGeometry, induced_velocity
 from .solver import PanelSolver, SolverState, check_memory
 from .strips import Strips, section_drag
+from .surfaces import lifting_surfaces
 from .trefftz import far_wake
 from .velocities import Stencils, tangential, unit
 from .wake import CORE, carried, divided, straight_wake
@@ -147,6 +149,10 @@ class PanelModel(AeroModel):
         if labels:
             self._of_edges = Criterion(*OF_EDGES, labels=labels)
             self.criteria += (self._of_edges, OF_LIFT, OF_DRAG)
+        if self._strips.whole:
+            upper = geometry.normal[self._strips.edges[:, 0]]
+            surfaces = lifting_surfaces(self._strips.ends, nodes, upper)
+            self.edge_strips = EdgeStrips(self._strips.ends, surfaces)
         self.variables = tuple(self._declared(float(wing.symmetric), options))
 
     def _mirror(self, nodes):
@@ -232,6 +238,18 @@ class PanelModel(AeroModel):
         text = "whether the equations were factored anew in the step"
         yield output("factored", kind="boolean", description=text)
         yield output("symmetry_used", kind="boolean", description="whether the last solve was of one half")
+        if self._strips.whole:
+            yield from self._of_loading(partial(output, shape=(len(self._strips.ends),), counts="strip"))
+
+    def _of_loading(self, of_strip):
+        yield of_strip("strip_width", unit="m", description="length of each trailing edge across the wind")
+        text = "chord of each strip, from its nose to the middle of its trailing edge"
+        yield of_strip("strip_chord", unit="m", description=text)
+        text = "c c_l of each strip, {}; positive towards the side of its upper panel"
+        yield of_strip("span_loading", unit="m", description=text.format("in the Trefftz plane"))
+        yield of_strip("pressure_span_loading", unit="m", description=text.format("by the pressure on its panels"))
+        text = "force of the pressure on the panels of each strip, per width across the wind"
+        yield of_strip("strip_pressure_load", shape=(len(self._strips.ends), 3), unit="N/m", description=text)
 
     def solve(self, flow: Flow, values, state=None):
         """See AeroModel."""
@@ -250,7 +268,8 @@ class PanelModel(AeroModel):
             outputs |= dict(zip((name, place), worst(skew), strict=True))
         outputs |= {"factored": float(found.factored), "symmetry_used": float(case.symmetric)}
         if plane is not None:
-            outputs["shear"] = plane.outward(outputs["shear"])
+            turned = [name for name in ("shear", "strip_pressure_load") if name in outputs]
+            outputs |= {name: plane.outward(outputs[name]) for name in turned}
         force, moment = self._resultant(flow, outputs["pressure"], outputs["shear"])
         return Response(outputs, force, moment, PanelState(case.symmetric, kept), case.symmetric)
 
@@ -389,7 +408,8 @@ class PanelModel(AeroModel):
         speed2 = np.einsum("mc,mc->m", velocity, velocity)
         outside = 0.5 * case.density * (onset2 - speed2)
         shear = -outside[:, None] * g.normal
-        force = np.linalg.norm(area_vectors(g.corners), axis=1) @ shear
+        size = np.linalg.norm(area_vectors(g.corners), axis=1)
+        force = size @ shear
         inside = float(values["internal_pressure_coefficient"]) * case.dynamic_pressure
         out = {
             "pressure": np.full(len(g.area), inside),
@@ -402,6 +422,7 @@ class PanelModel(AeroModel):
         out |= self._misfits(case, out) if len(jumps) else {}
         if self._strips.whole:
             drag, of_strips = self._sections(case, far, jumps, velocity, values)
+            of_strips |= self._loading(case, far, size[:, None] * shear)
             shear = shear + drag
             out |= of_strips
         return out | {"shear": shear}
@@ -451,6 +472,7 @@ class PanelModel(AeroModel):
         criterion = self.criteria[0]
         return strips.spread(drag[:, None] * direction, g.area), {
             "alpha": alpha,
+            "strip_chord": length,
             "separation": at,
             "separated": separated.astype(float),
             criterion.name: np.count_nonzero(separated),
@@ -459,6 +481,21 @@ class PanelModel(AeroModel):
             "reynolds_number": case.speed * mean / viscosity,
             "alpha_mid": self._mid_angle(case, chord),
         } | of_polars
+
+    def _loading(self, case, far, force):
+        """c c_l of the strips by what they shed, and by the `force` (m,3) N of the pressure on their panels."""
+        strips = self._strips
+        a, b = case.nodes[strips.ends.T]
+        across = cross(np.broadcast_to(case.direction, a.shape), b - a)  # towards the upper side
+        width = np.where(far.width > 0.0, far.width, np.inf)
+        normal, q = across / width[:, None], case.strip_pressures
+        carried = strips.sums(force) / width[:, None]
+        return {
+            "strip_width": far.width,
+            "span_loading": np.einsum("sc,sc->s", far.strip_force, normal) / (q * width),
+            "pressure_span_loading": np.einsum("sc,sc->s", carried, normal) / q,
+            "strip_pressure_load": carried,
+        }
 
     def _section_drag(self, far, jumps, force, values):
         """c_d (s,) of strips of `force` (s,) N, dynamic pressure times area each, and what their polars say."""

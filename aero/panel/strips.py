@@ -97,12 +97,20 @@ class Strips:
                 found[i] = min(1.0, separation(side.way, side.speed, viscosity, transition) / side.length)
         return found
 
+    def sums(self, values):
+        """Sums (s,3) of values (m,3) over the panels of strips."""
+        on = self.of_panel >= 0
+        found = np.zeros((len(self.ends), 3))
+        np.add.at(found, self.of_panel[on], values[on])
+        return found
+
     def means(self, values, area):
         """Means (s,3) of values (m,3) over the panels of strips, by their `area` (m,) m^2."""
         on = self.of_panel >= 0
-        found = np.zeros((len(self.ends), 3))
-        np.add.at(found, self.of_panel[on], values[on] * area[on, None])
-        return found / np.bincount(self.of_panel[on], weights=area[on], minlength=len(self.ends))[:, None]
+        return (
+            self.sums(values * area[:, None])
+            / np.bincount(self.of_panel[on], weights=area[on], minlength=len(self.ends))[:, None]
+        )
 
     def spread(self, values, area):
         """What strips (s,...) carry, as panels (m,...) carry it per area (m,) m^2, alike all over a strip; the panels

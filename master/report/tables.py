@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.loading import span_loading
 from master.report.membranes import element_table, membrane_rows, membrane_state, seam_table
 from master.report.panels import panel_loads
 from master.report.record import named
@@ -75,9 +76,11 @@ def write_state(
     interface: Any,
     wing: Any = None,
     members: Any = None,
+    edge_strips: Any = None,
 ) -> list[str]:
     """The final state as tables: nodes, elements, interface, panels and exposed lines, tubes and sections of an
-    inflatable `wing`, and membranes of the `members`, as far as the blocks are there.
+    inflatable `wing`, membranes of the `members`, and the strips of a closed body with the layout `edge_strips`, as far
+    as the blocks are there.
 
     `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`,
     `panels` and `lines`. Returns the names of the files.
@@ -120,7 +123,17 @@ def write_state(
             folder / "sections.csv", list(COLUMNS), [[c, *map(repr, v), strut] for c, *v, strut in sections.rows()]
         )
         written.append("sections.csv")
+    surfaces = [s.columns() for s in span_loading(edge_strips, interface.nodes + x, blocks)]
+    if surfaces:
+        rows = [[_plain(v) for v in row] for columns in surfaces for row in zip(*columns.values(), strict=True)]
+        write_csv(folder / "strips.csv", [*surfaces[0]], rows)
+        written.append("strips.csv")
     return written + _write_membranes(folder, blocks, members)
+
+
+def _plain(value: Any) -> Any:
+    """A cell of a table, of numbers with a fraction all digits."""
+    return repr(float(value)) if isinstance(value, float) else value
 
 
 def _write_membranes(folder: Path, blocks: dict[str, np.ndarray], members: Any) -> list[str]:
