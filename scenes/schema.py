@@ -236,6 +236,14 @@ class Tables:
         return value
 
 
+def a_tip_chord(value: Any) -> float:
+    """A length above zero, of a tip that is no point."""
+    try:
+        return Number(above=0.0)(value)
+    except Wrong as wanted:
+        raise Wrong(f"{wanted} (cut a tip that ends in a point where its chord is a twentieth of that)") from None
+
+
 Finite = Annotated[float, Number()]
 Positive = Annotated[float, Number(above=0.0)]
 NotNegative = Annotated[float, Number(low=0.0)]
@@ -502,7 +510,7 @@ class BodyInput:
     panel_growth: Annotated[float, Number(low=0.0, high=100.0)] = 5.0
     span: Positive | None = None
     chord: Positive | None = None
-    tip_chord: Positive | None = None
+    tip_chord: Annotated[float, a_tip_chord] | None = None
     planform: Annotated[str, OneOf(("tapered", "elliptic"))] = "tapered"
     sweep: Angle = 0.0
     axis: Annotated[float, Number(low=0.0, high=1.0)] = 0.25

@@ -32,6 +32,8 @@ MIDDLE = 1e-6  # of the span, within which strips are as near to mid-span as the
 # Of the way from the stagnation line to the trailing edge: without a boundary layer the air comes to rest at a trailing
 # edge that is not a cusp, and the criterion always speaks there.
 ATTACHED = 0.85
+# Of speed times span: circulation that the tolerance of the equations may leave, whose span efficiency is noise.
+NO_LIFT = 1e-9
 OF_STRIPS = (
     "separated_strips", "separated strips", 0.0, "attached flow: Stratford (1959), separated ahead of 85 % of the way "
     "to the trailing edge",
@@ -151,7 +153,8 @@ class PanelModel(AeroModel):
             self.criteria += (self._of_edges, OF_LIFT, OF_DRAG)
         if self._strips.whole:
             upper = geometry.normal[self._strips.edges[:, 0]]
-            surfaces = lifting_surfaces(self._strips.ends, nodes, upper)
+            chord = self._strips.chords(nodes, geometry.centre).mean(axis=0)
+            surfaces = lifting_surfaces(self._strips.ends, nodes, upper, chord)
             self.edge_strips = EdgeStrips(self._strips.ends, surfaces)
         self.variables = tuple(self._declared(float(wing.symmetric), options))
 
@@ -215,7 +218,10 @@ class PanelModel(AeroModel):
         yield newton("trefftz_lift", description="lift by the wake, in the Trefftz plane")
         yield newton("trefftz_side_force", description="side force by the wake, in the Trefftz plane")
         yield newton("induced_drag", description="drag by the wake, in the Trefftz plane")
-        text = "L^2 / (q pi b^2 D) in the Trefftz plane, b the extent of the trailing edges across wind and lift"
+        text = (
+            "L^2 / (q pi b^2 D) in the Trefftz plane, b the extent of the trailing edges across wind and lift; 0 where "
+            "there is no circulation beyond the tolerance of the equations"
+        )
         yield output("span_efficiency", description=text)
         if self._strips.whole:
             text = "angle of attack: of the chord at mid-span to the wind, in the plane of wind and lift"
@@ -454,8 +460,14 @@ class PanelModel(AeroModel):
             "trefftz_lift": far.lift @ case.lift,
             "trefftz_side_force": far.lift @ case.side,
             "induced_drag": far.induced_drag,
-            "span_efficiency": far.span_efficiency(self._span(case), case.dynamic_pressure) if len(jumps) else 0.0,
+            "span_efficiency": self._span_efficiency(case, far, jumps),
         }
+
+    def _span_efficiency(self, case, far, jumps):
+        span = self._span(case)
+        if np.abs(jumps).max(initial=0.0) <= NO_LIFT * case.speed * span:
+            return 0.0
+        return far.span_efficiency(span, case.dynamic_pressure)
 
     def _sections(self, case, far, jumps, velocity, values):
         """Traction (m,3) Pa of the profile drag, and outputs of strips with a chord."""
@@ -547,7 +559,8 @@ class PanelModel(AeroModel):
             (k, f"{float(outputs[a]):.5g} N by pressure, {float(outputs[b]):.5g} N in the Trefftz plane")
             for k, a, b in pairs
         ]
-        found.append(("span efficiency", f"{float(outputs['span_efficiency']):.4f}"))
+        efficiency = float(outputs["span_efficiency"])
+        found.append(("span efficiency", f"{efficiency:.4f}" if efficiency else "none without lift"))
         if self._strips.whole:
             found.insert(
                 0,

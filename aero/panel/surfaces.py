@@ -5,17 +5,20 @@ from collections import defaultdict
 import numpy as np
 
 from aero.model import LiftingSurface
+from interface.vectors import azimuth, azimuth_axes
 
 WINGS, PLATES = ("lower wing", "upper wing"), ("left end plate", "right end plate")
 
 
-def lifting_surfaces(ends, nodes, upper):
+def lifting_surfaces(ends, nodes, upper, aft=(1.0, 0.0, 0.0)):
     """The `LiftingSurface`s of strips that leave between the nodes `ends` (s,2) of a body on `nodes` (n,3) m, whose
-    `upper` (s,3) are normals on the upper side of their trailing edges.
+    `upper` (s,3) are normals on the upper side of their trailing edges. The right is to the right of who looks against
+    the direction `aft` (3,), z up.
 
     Strips that meet at a node follow each other. A closed ring is parted where its trailing edge changes between more
     level and more upright; wings run from left to right, what is upright from below upwards.
     """
+    nodes = nodes @ azimuth_axes(azimuth(aft))
     along = nodes[ends[:, 1]] - nodes[ends[:, 0]]
     upright = np.abs(along[:, 2]) > np.abs(along[:, 1])
     parts = _parts(ends, upright)

@@ -45,7 +45,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     wing = read.wing
     loads: tuple[PointLoad, ...] = ()
     pivot = None
-    surface = _surface(folder, read)
+    surface = _surface(folder, read, wind)
     if read.structure is None:
         sections = None if wing is None else read_sections(folder, wing, wind)
         interface = _rigid_interface(read, surface, sections)
@@ -140,13 +140,13 @@ def _scaled_point(scale: float, point: tuple[float, ...] | None) -> tuple[float,
     return None if point is None else tuple(scale * x for x in point)
 
 
-def _surface(folder: Path, read: Description) -> "ClosedSurface | None":
-    """The closed surface of [body], None without."""
+def _surface(folder: Path, read: Description, wind: tuple[float, ...]) -> "ClosedSurface | None":
+    """The closed surface of [body] in the `wind`, None without."""
     if read.body is None:
         return None
     from .bodies import read_body  # not loaded for scenes without
 
-    return read_body(folder, read.body)
+    return read_body(folder, read.body, wind)
 
 
 def _interface(
