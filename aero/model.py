@@ -101,6 +101,30 @@ class StripLayout:
 
 
 @dataclass(frozen=True, eq=False)
+class LiftingSurface:
+    """Strips of a closed body that follow each other: a `name`, their indices `strips` (k,) in order, from left to
+    right or, where the surface is `upright`, from below upwards, and the `sign` of lift: 1 where the upper side of the
+    strips is up, or outside of what is upright, -1 where it is down.
+    """
+
+    name: str
+    strips: np.ndarray
+    upright: bool
+    sign: float
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeStrips:
+    """Strips of a closed body: `ends` (s,2) nodes of the trailing edges that they leave from, and the `surfaces` that
+    they are of. Outputs say the rest: `strip_width` and `strip_chord` m, `span_loading` and `pressure_span_loading` m,
+    `strip_lift`, `strip_side_force`, `strip_pressure_load`, `circulation`, `alpha`, `separation`.
+    """
+
+    ends: np.ndarray
+    surfaces: tuple[LiftingSurface, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Wing:
     """What a model of the flow around a wing is made of.
 
@@ -128,6 +152,7 @@ class AeroModel:
     variables: tuple[Variable, ...] = ()  # parameters that it takes and outputs that it gives
     strips: StripLayout | None = None  # strips along the span, where it has some
     smooth: bool = False  # whether its loads change evenly over tens of degrees of the angle of attack: no stall
+    edge_strips: EdgeStrips | None = None  # those of a closed body, where it has some with a chord
     criteria: tuple[Criterion, ...] = ()  # what its answer is judged by, of its outputs: up to where it is good
 
     def solve(self, flow: Flow, values: Values, state: Any = None) -> Response:

@@ -161,6 +161,7 @@ def _other_side(scene: Scene, side: str) -> tuple[str, ...]:
     solved = ("scenes/cores/statics",) if scene.transient else motion
     return (
         "structural/solve/pardiso",
+        "aero/polars",
         *flow,
         "scenes/cores/flow",
         *solved,

@@ -196,12 +196,12 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     if not scene.has_flow:  # what stands in for it knows no shape
         blocks["displacement"] = run.blocks["structural"]["displacement"]
     labels = {"position": scene.members.labels, "tension": scene.members.names, "line_load": scene.members.leg_names}
-    written = ["summary.json"]
+    written, layout = ["summary.json"], None if scene.wing_model is None else scene.wing_model.edge_strips
     if scene.has_structure:
         write_history(out / "history.csv", run.result.history)
         written.append("history.csv")
     written += [
-        *write_state(out, blocks, labels, scene.interface, scene.members.wing, scene.members),
+        *write_state(out, blocks, labels, scene.interface, scene.members.wing, scene.members, layout),
     ]
     write_json(out / "summary.json", content)
     lacking = missing_libraries() if choices["report"] else ""

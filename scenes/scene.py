@@ -97,7 +97,7 @@ class Scene:
     `settings` are the choices that it offers, as they are chosen, and `choices` all choices; then the sections of
     scene.toml, None where it lacks one: without `structure` the wing is rigid and has an aerodynamic side alone.
     `members` is the structure, `interface` the mesh that structure and flow share, `struts` (s,2) leading and trailing
-    edge nodes, `polars` those of the design sections, `pivot` the node that the structure pitches about, `start` where
+    edge nodes, `polars` those of its sections, `pivot` the node that the structure pitches about, `start` where
     a transient scene starts if that is known. `source` is not known of a scene that an FMU carries.
     """
 
@@ -250,7 +250,8 @@ class Scene:
         options = {**self.aero.options, "camber": self.choices.camber_feedback == "on"}
         i, symmetric = self.interface, self.symmetric
         if self.body is not None:
-            whole = Wing(i, options, symmetric, transient=self.transient, trailing_edges=i.trailing_edges)
+            polars = None if self.polars is None else self.strip_polars
+            whole = Wing(i, options, symmetric, None, None, polars, self.transient, i.trailing_edges)
             return wing_model(self.aero.method, whole)
         of_strips = i.sections, i.fractions, self.strip_polars
         return wing_model(self.aero.method, Wing(i, options, symmetric, *of_strips, self.transient))
@@ -278,11 +279,11 @@ class Scene:
         return (*panels, *(("line_load",) if len(self.interface.lines) else ()))
 
     def strip_polars(self) -> Any:
-        """The polars (`StripPolars`) of the lifting-line strips between the sections of the interface."""
-        from aero.vortex_step.polars import StripPolars
+        """The polars (`StripPolars`) of the strips of a wing: between the sections of the interface, or of a body."""
+        from aero.polars import StripPolars
 
         if self.polars is None:
-            raise SceneError(f"scene '{self.name}' has no polars: its scene.toml has no [wing].")
+            raise SceneError(f"scene '{self.name}' has no polars: neither [wing] nor [body] in scene.toml names any.")
         p = self.polars
         tables = p.cl[p.polar], p.cd[p.polar], p.cm[p.polar]
         return StripPolars.from_tables(p.alpha, *tables, p.span, p.strips, p.ends[p.polar])

@@ -236,6 +236,14 @@ class Tables:
         return value
 
 
+def a_tip_chord(value: Any) -> float:
+    """A length above zero, of a tip that is no point."""
+    try:
+        return Number(above=0.0)(value)
+    except Wrong as wanted:
+        raise Wrong(f"{wanted} (cut a tip that ends in a point where its chord is a twentieth of that)") from None
+
+
 Finite = Annotated[float, Number()]
 Positive = Annotated[float, Number(above=0.0)]
 NotNegative = Annotated[float, Number(low=0.0)]
@@ -493,6 +501,8 @@ class BodyInput:
     `plate_strips` on the end plate and `corner_strips` in each corner.
     A file is a `mesh` with `unit` of its lengths (none: m) and the cell data `groups` that say what groups its elements
     are in; its lines in the groups `trailing_edges` are these (none: they are found; an empty text: there are none).
+    The drag of strips is that of section `polars`, a file: of its only one, of the one named `polar`, or of those in
+    the column polar of the table of stations.
     """
 
     shape: Annotated[str, OneOf(BODIES)] = field(kw_only=True)
@@ -504,7 +514,7 @@ class BodyInput:
     panel_growth: Annotated[float, Number(low=0.0, high=100.0)] = 5.0
     span: Positive | None = None
     chord: Positive | None = None
-    tip_chord: Positive | None = None
+    tip_chord: Annotated[float, a_tip_chord] | None = None
     planform: Annotated[str, OneOf(("tapered", "elliptic"))] = "tapered"
     sweep: Angle = 0.0
     axis: Annotated[float, Number(low=0.0, high=1.0)] = 0.25
@@ -527,6 +537,8 @@ class BodyInput:
     unit: Annotated[str, OneOf(("m", "cm", "mm", "ft", "in"))] | None = None
     groups: Annotated[str, a_text] | None = None
     trailing_edges: Annotated[tuple[str, ...], texts_or_none] | None = None
+    polars: File | None = None
+    polar: Annotated[str, a_text] | None = None
 
 
 @dataclass(frozen=True)

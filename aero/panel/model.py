@@ -6,17 +6,19 @@ from typing import Any, cast
 
 import numpy as np
 
-from aero.model import AeroModel, Flow, Response
+from aero.model import AeroModel, EdgeStrips, Flow, Response
 from aero.wind import lift_direction
 from interface import MIRROR, Criterion, StepFailed, UprightPlane, Variable, area_vectors, corner_shares
 from interface.mirror import mirror_permutation
 from interface.validity import worst
+from interface.vectors import cross
 
 from .bodies import Body
 from .collocation import collocation_points
 from .influence import PanelGeometry, induced_velocity
 from .solver import PanelSolver, SolverState, check_memory
 from .strips import Strips, section_drag
+from .surfaces import lifting_surfaces
 from .trefftz import far_wake
 from .velocities import Stencils, tangential, unit
 from .wake import CORE, carried, divided, straight_wake
@@ -30,12 +32,19 @@ MIDDLE = 1e-6  # of the span, within which strips are as near to mid-span as the
 # Of the way from the stagnation line to the trailing edge: without a boundary layer the air comes to rest at a trailing
 # edge that is not a cusp, and the criterion always speaks there.
 ATTACHED = 0.85
+# Of speed times span: circulation that the tolerance of the equations may leave, whose span efficiency is noise.
+NO_LIFT = 1e-9
 OF_STRIPS = (
     "separated_strips", "separated strips", 0.0, "attached flow: Stratford (1959), separated ahead of 85 % of the way "
     "to the trailing edge",
 )  # fmt: skip
 OF_CELLS = (
     "crossed_strips", "strips whose upper and lower side went through each other", 0.0, "no air flows there"
+)  # fmt: skip
+
+OF_POLARS = (
+    "strips_beyond_polar", "strips beyond their polar", 0.0, "section polars between their largest lift on either "
+    "side, whose drag is held beyond",
 )  # fmt: skip
 
 OF_EDGES = (
@@ -139,9 +148,17 @@ class PanelModel(AeroModel):
         labels = tuple(f"strip {i}" for i in range(1, len(self._strips.ends) + 1))
         if self._strips.whole:
             self.criteria += tuple(Criterion(*of, labels=labels, whole=True) for of in (OF_STRIPS, OF_CELLS))
+        if self._polars is not None:
+            self._of_polars = Criterion(*OF_POLARS, labels=labels, whole=True)
+            self.criteria += (self._of_polars,)
         if labels:
             self._of_edges = Criterion(*OF_EDGES, labels=labels)
             self.criteria += (self._of_edges, OF_LIFT, OF_DRAG)
+        if self._strips.whole:
+            upper = geometry.normal[self._strips.edges[:, 0]]
+            chord = self._strips.chords(nodes, geometry.centre).mean(axis=0)
+            surfaces = lifting_surfaces(self._strips.ends, nodes, upper, chord)
+            self.edge_strips = EdgeStrips(self._strips.ends, surfaces)
         self.variables = tuple(self._declared(float(wing.symmetric), options))
 
     def _mirror(self, nodes):
@@ -204,7 +221,10 @@ class PanelModel(AeroModel):
         yield newton("trefftz_lift", description="lift by the wake, in the Trefftz plane")
         yield newton("trefftz_side_force", description="side force by the wake, in the Trefftz plane")
         yield newton("induced_drag", description="drag by the wake, in the Trefftz plane")
-        text = "L^2 / (q pi b^2 D) in the Trefftz plane, b the extent of the trailing edges across wind and lift"
+        text = (
+            "L^2 / (q pi b^2 D) in the Trefftz plane, b the extent of the trailing edges across wind and lift; 0 where "
+            "there is no circulation beyond the tolerance of the equations"
+        )
         yield output("span_efficiency", description=text)
         if self._strips.whole:
             text = "angle of attack: of the chord at mid-span to the wind, in the plane of wind and lift"
@@ -227,6 +247,18 @@ class PanelModel(AeroModel):
         text = "whether the equations were factored anew in the step"
         yield output("factored", kind="boolean", description=text)
         yield output("symmetry_used", kind="boolean", description="whether the last solve was of one half")
+        if self._strips.whole:
+            yield from self._of_loading(partial(output, shape=(len(self._strips.ends),), counts="strip"))
+
+    def _of_loading(self, of_strip):
+        yield of_strip("strip_width", unit="m", description="length of each trailing edge across the wind")
+        text = "chord of each strip, from its nose to the middle of its trailing edge"
+        yield of_strip("strip_chord", unit="m", description=text)
+        text = "c c_l of each strip, {}; positive towards the side of its upper panel"
+        yield of_strip("span_loading", unit="m", description=text.format("in the Trefftz plane"))
+        yield of_strip("pressure_span_loading", unit="m", description=text.format("by the pressure on its panels"))
+        text = "force of the pressure on the panels of each strip, per width across the wind"
+        yield of_strip("strip_pressure_load", shape=(len(self._strips.ends), 3), unit="N/m", description=text)
 
     def solve(self, flow: Flow, values, state=None):
         """See AeroModel."""
@@ -245,7 +277,8 @@ class PanelModel(AeroModel):
             outputs |= dict(zip((name, place), worst(skew), strict=True))
         outputs |= {"factored": float(found.factored), "symmetry_used": float(case.symmetric)}
         if plane is not None:
-            outputs["shear"] = plane.outward(outputs["shear"])
+            turned = [name for name in ("shear", "strip_pressure_load") if name in outputs]
+            outputs |= {name: plane.outward(outputs[name]) for name in turned}
         force, moment = self._resultant(flow, outputs["pressure"], outputs["shear"])
         return Response(outputs, force, moment, PanelState(case.symmetric, kept), case.symmetric)
 
@@ -384,7 +417,8 @@ class PanelModel(AeroModel):
         speed2 = np.einsum("mc,mc->m", velocity, velocity)
         outside = 0.5 * case.density * (onset2 - speed2)
         shear = -outside[:, None] * g.normal
-        force = np.linalg.norm(area_vectors(g.corners), axis=1) @ shear
+        size = np.linalg.norm(area_vectors(g.corners), axis=1)
+        force = size @ shear
         inside = float(values["internal_pressure_coefficient"]) * case.dynamic_pressure
         out = {
             "pressure": np.full(len(g.area), inside),
@@ -397,6 +431,7 @@ class PanelModel(AeroModel):
         out |= self._misfits(case, out) if len(jumps) else {}
         if self._strips.whole:
             drag, of_strips = self._sections(case, far, jumps, velocity, values)
+            of_strips |= self._loading(case, far, size[:, None] * shear)
             shear = shear + drag
             out |= of_strips
         return out | {"shear": shear}
@@ -428,8 +463,14 @@ class PanelModel(AeroModel):
             "trefftz_lift": far.lift @ case.lift,
             "trefftz_side_force": far.lift @ case.side,
             "induced_drag": far.induced_drag,
-            "span_efficiency": far.span_efficiency(self._span(case), case.dynamic_pressure) if len(jumps) else 0.0,
+            "span_efficiency": self._span_efficiency(case, far, jumps),
         }
+
+    def _span_efficiency(self, case, far, jumps):
+        span = self._span(case)
+        if np.abs(jumps).max(initial=0.0) <= NO_LIFT * case.speed * span:
+            return 0.0
+        return far.span_efficiency(span, case.dynamic_pressure)
 
     def _sections(self, case, far, jumps, velocity, values):
         """Traction (m,3) Pa of the profile drag, and outputs of strips with a chord."""
@@ -440,17 +481,14 @@ class PanelModel(AeroModel):
         at = strips.separations(case.nodes, g.centre, velocity, viscosity, self._transition)
         separated = at < ATTACHED
         area = length * far.width
-        if self._polars is None:
-            cd = np.full(len(length), float(values["profile_drag_coefficient"]))
-        else:
-            lift = np.linalg.norm(far.strip_force, axis=1) / np.where(area > 0.0, q * area, np.inf)
-            cd = section_drag(self._polars, -np.sign(jumps) * lift)
+        cd, of_polars = self._section_drag(far, jumps, q * area, values)
         drag = q * area * cd
         mean = float(area.sum() / far.width.sum())
         crossed = strips.crossed(g.centre, g.normal)
         of_strips, of_cells = self.criteria[:2]
         return strips.spread(drag[:, None] * direction, g.area), {
             "alpha": alpha,
+            "strip_chord": length,
             "separation": at,
             "separated": separated.astype(float),
             of_strips.name: np.count_nonzero(separated),
@@ -460,6 +498,33 @@ class PanelModel(AeroModel):
             "profile_drag": float((drag if case.on_strips is None else drag * (direction @ case.direction)).sum()),
             "reynolds_number": case.speed * mean / viscosity,
             "alpha_mid": self._mid_angle(case, chord),
+        } | of_polars
+
+    def _loading(self, case, far, force):
+        """c c_l of the strips by what they shed, and by the `force` (m,3) N of the pressure on their panels."""
+        strips = self._strips
+        a, b = case.nodes[strips.ends.T]
+        across = cross(np.broadcast_to(case.direction, a.shape), b - a)  # towards the upper side
+        width = np.where(far.width > 0.0, far.width, np.inf)
+        normal, q = across / width[:, None], case.strip_pressures
+        carried = strips.sums(force) / width[:, None]
+        return {
+            "strip_width": far.width,
+            "span_loading": np.einsum("sc,sc->s", far.strip_force, normal) / (q * width),
+            "pressure_span_loading": np.einsum("sc,sc->s", carried, normal) / q,
+            "strip_pressure_load": carried,
+        }
+
+    def _section_drag(self, far, jumps, force, values):
+        """c_d (s,) of strips of `force` (s,) N, dynamic pressure times area each, and what their polars say."""
+        if self._polars is None:
+            return np.full(len(jumps), float(values["profile_drag_coefficient"])), {}
+        lift = np.linalg.norm(far.strip_force, axis=1) / np.where(force > 0.0, force, np.inf)
+        cd, beyond = section_drag(self._polars, -np.sign(jumps) * lift)
+        at = self._of_polars
+        return cd, {
+            at.name: np.count_nonzero(beyond),
+            at.place: worst(np.where(beyond, lift, 0.0))[1],
         }
 
     def _mid_angle(self, case, chord):
@@ -500,7 +565,8 @@ class PanelModel(AeroModel):
             (k, f"{float(outputs[a]):.5g} N by pressure, {float(outputs[b]):.5g} N in the Trefftz plane")
             for k, a, b in pairs
         ]
-        found.append(("span efficiency", f"{float(outputs['span_efficiency']):.4f}"))
+        efficiency = float(outputs["span_efficiency"])
+        found.append(("span efficiency", f"{efficiency:.4f}" if efficiency else "none without lift"))
         if self._strips.whole:
             found.insert(
                 0,

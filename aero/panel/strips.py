@@ -114,12 +114,20 @@ class Strips:
                 found[i] = min(1.0, separation(side.way, side.speed, viscosity, transition) / side.length)
         return found
 
+    def sums(self, values):
+        """Sums (s,3) of values (m,3) over the panels of strips."""
+        on = self.of_panel >= 0
+        found = np.zeros((len(self.ends), 3))
+        np.add.at(found, self.of_panel[on], values[on])
+        return found
+
     def means(self, values, area):
         """Means (s,3) of values (m,3) over the panels of strips, by their `area` (m,) m^2."""
         on = self.of_panel >= 0
-        found = np.zeros((len(self.ends), 3))
-        np.add.at(found, self.of_panel[on], values[on] * area[on, None])
-        return found / np.bincount(self.of_panel[on], weights=area[on], minlength=len(self.ends))[:, None]
+        return (
+            self.sums(values * area[:, None])
+            / np.bincount(self.of_panel[on], weights=area[on], minlength=len(self.ends))[:, None]
+        )
 
     def spread(self, values, area):
         """What strips (s,...) carry, as panels (m,...) carry it per area (m,) m^2, alike all over a strip; the panels
@@ -141,14 +149,16 @@ def _shared(one, other):
 
 def section_drag(polars, lift):
     """c_d (s,) at the lift coefficients `lift` (s,) of strips with `polars`, on the branch between the stalls on either
-    side; that of the stall beyond it.
+    side, that of the stall or of the end of the data beyond it; and which lie beyond (s,).
     """
     low, high = polars.stall_angles()
+    low, high = np.maximum(low, polars.ends[:, 0]), np.minimum(high, polars.ends[:, 1])
     alpha = polars.alpha[:, None]
     cl = np.stack([polars.all(np.full(len(lift), at))[0] for at in polars.alpha])
     attached = (alpha >= low) & (alpha <= high)
-    found = np.empty(len(lift))
+    found, beyond = np.empty(len(lift)), np.zeros(len(lift), dtype=bool)
     for i in range(len(lift)):
-        on = attached[:, i]
-        found[i] = np.interp(lift[i], cl[on, i], polars.alpha[on])
-    return polars.all(found)[1]
+        branch, angles = cl[attached[:, i], i], polars.alpha[attached[:, i]]
+        found[i] = np.interp(lift[i], branch, angles)
+        beyond[i] = not branch[0] <= lift[i] <= branch[-1]
+    return polars.all(found)[1], beyond

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .polars import StripPolars
+from aero.polars import StripPolars
+
 from .strips import Strips
 
 MAX_NEWTON = 25

@@ -6,11 +6,11 @@ from typing import Literal
 import numpy as np
 
 from aero.complex_steps import STEP, moved
+from aero.polars import StripPolars
 from interface.mirror import MIRROR
 from interface.vectors import cross
 
 from .circulation import Circulation, SectionFlow, attached_start, flow_angle, solve
-from .polars import StripPolars
 from .strips import Strips, strips_between, unit
 from .surface_loads import PanelGeometry, SurfaceGrid, panel_geometry, pressure_and_shear, two_panel_loads
 from .vortices import CORE_FRACTION, control_influence, folded, wake_influence

@@ -46,7 +46,7 @@ LABELS = ("nodes", "lines", "both")  # what may be named in a plot
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
 TABLES = (
     *("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv"),
-    *("tubes.csv", "sections.csv", "membranes.csv", "seams.csv", "ribs.csv"),
+    *("tubes.csv", "sections.csv", "membranes.csv", "seams.csv", "ribs.csv", "strips.csv"),
 )
 ANGLE = (
     "Effective angle: chord to the local flow with induced velocity, hence closer to zero lift than the angle to the "
@@ -63,6 +63,8 @@ CAPTIONS = {
     "the cell towards the right tip the Cauchy stress across the span, in force per length, beside Barlow's formula",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
     "strips": f"Loads, effective angle of attack and circulation along the span. {ANGLE}",
+    "loading": "Span loading of the surfaces: c cl and cl, in the Trefftz plane and by the pressure on each strip, and "
+    "the angle of the chords; positive upwards, of end plates and fins outwards",
     "polars": "Operating points of the strips on their section polars, coloured by distance from mid-span; left and "
     f"right half of a diamond coincide where the kite is symmetric. {ANGLE}",
 }
@@ -163,6 +165,10 @@ def _drawn(scene: Any, run: "Run", settings: Mapping[str, Any], state: "FinalSta
             settings.get("force_tolerance"),
             run.result.residual_N if scene.has_flow else None,  # no flow to evaluate again
         )
+    if state.loading:
+        from master.report.loading_plot import loading_figure
+
+        drawn["loading"] = loading_figure(state.loading, f"{title}, {status}")
     if state.strips is not None:
         drawn["strips"] = figures.strip_figure(state.strips, f"{title}, {status}")
         if state.strips.coefficients is not None:

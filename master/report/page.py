@@ -64,6 +64,7 @@ def page(
         *_structure(state.frame),
         *membrane_tables(scene.members, run.blocks["structural"]),
         _strips(state),
+        _loading(state),
         *([_panels(state.surface.loads)] if scene.has_flow and len(state.surface.panels) else []),
         _history(run),
         _settings(scene, content),
@@ -290,6 +291,22 @@ def _strips(state: FinalState) -> Table:
             columns |= dict(zip(("cl", "cd", "cm"), s.coefficients, strict=True))
     columns = {name: _rounded(values, values) for name, values in columns.items() if values is not None}
     return _table("Strips (left tip first)", columns, zip(*columns.values(), strict=True))
+
+
+def _loading(state: FinalState) -> Table:
+    """The strips of a closed body, surface by surface."""
+    shown = {
+        "strip": "strip", "surface": "surface", "arc_m": "arc length from its middle, m", "width_m": "width, m",
+        "chord_m": "chord, m", "alpha_deg": "angle of the chord, deg", "c_cl_m": "c cl, m",
+        "pressure_c_cl_m": "c cl by pressure, m", "cl": "cl", "lift_N_per_m": "lift, N/m",
+        "side_force_N_per_m": "side force, N/m", "circulation_m2_per_s": "circulation, m\u00b2/s",
+    }  # fmt: skip
+    rows = [
+        [columns[key][k] for key in shown]
+        for columns in (surface.columns() for surface in state.loading)
+        for k in range(len(columns["strip"]))
+    ]
+    return _table("Strips of the surfaces (all columns: strips.csv)", [*shown.values()], rows)
 
 
 def _panels(loads: PanelLoads) -> Table:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.loading import SurfaceLoading, span_loading
 from master.report.panels import PanelLoads, panel_loads
 from master.report.views import wind_axes
 from master.report.wing import TubeState, canopy_springs, tube_state
@@ -118,7 +119,7 @@ class Strips:
 class FinalState:
     """What a run shows; parts that its participants do not give are None. `axes` (3,3) are those of its wind (see
     `wind_axes`). `turn` is the rigid nose-up rotation (deg) about the node `pivot` that fits the design shape, faced to
-    the wind, to the wing, None for a scene that cannot pitch.
+    the wind, to the wing, None for a scene that cannot pitch. `loading` is that of the surfaces of a closed body.
     """
 
     surface: Surface
@@ -127,6 +128,7 @@ class FinalState:
     turn: float | None
     pivot: str | None
     axes: np.ndarray
+    loading: tuple[SurfaceLoading, ...] = ()
 
 
 def status_text(status: str) -> str:
@@ -161,7 +163,9 @@ def final_state(scene: Any, run: "Run") -> FinalState:
         pivot = scene.members.labels[scene.pivot]
     frame = _frame(scene, structural, turn, axes) if {"position", *OF_ELEMENTS} <= structural.keys() else None
     strips, degrees = _strips(scene, aero, surface, axes), None if turn is None else np.rad2deg(turn)
-    return FinalState(surface, frame, strips, degrees, pivot, axes)
+    layout = None if scene.wing_model is None else scene.wing_model.edge_strips
+    loading = span_loading(layout, mesh.nodes + loaded, aero)
+    return FinalState(surface, frame, strips, degrees, pivot, axes, loading)
 
 
 def _frame(scene: Any, blocks: dict[str, np.ndarray], turn: float | None, axes: np.ndarray) -> Frame | None:

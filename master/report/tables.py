@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.loading import span_loading
 from master.report.membranes import element_table, membrane_rows, membrane_state, seam_table
 from master.report.panels import panel_loads
 from master.report.record import named
@@ -76,9 +77,11 @@ def write_state(
     interface: Any,
     wing: Any = None,
     members: Any = None,
+    edge_strips: Any = None,
 ) -> list[str]:
     """The final state as tables: nodes, elements, interface, panels and exposed lines, tubes and sections of an
-    inflatable `wing`, and membranes of the `members`, as far as the blocks are there.
+    inflatable `wing`, membranes of the `members`, and the strips of a closed body with the layout `edge_strips`, as far
+    as the blocks are there.
 
     `names` labels the rows of the blocks `position`, `tension` and `line_load`; `interface` has the reference `nodes`,
     `panels` and `lines`. Returns the names of the files.
@@ -127,7 +130,17 @@ def write_state(
         header, of_sides = rib_table(of_ribs)
         write_csv(folder / "ribs.csv", header, list(of_sides))
         written.append("ribs.csv")
+    surfaces = [s.columns() for s in span_loading(edge_strips, interface.nodes + x, blocks)]
+    if surfaces:
+        rows = [[_plain(v) for v in row] for columns in surfaces for row in zip(*columns.values(), strict=True)]
+        write_csv(folder / "strips.csv", [*surfaces[0]], rows)
+        written.append("strips.csv")
     return written + _write_membranes(folder, blocks, members)
+
+
+def _plain(value: Any) -> Any:
+    """A cell of a table, of numbers with a fraction all digits."""
+    return repr(float(value)) if isinstance(value, float) else value
 
 
 def _write_membranes(folder: Path, blocks: dict[str, np.ndarray], members: Any) -> list[str]:
@@ -249,7 +262,8 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.insert(-1, ("weight", f"{weight}{mass:.4g} kg"))
     if "glide_ratio" in aero:
         with_lines = ", with lines" if "line_force" in aero else ""
-        rows.insert(8, (f"lift over drag{with_lines}", f"{float(aero['glide_ratio']):.3f}"))
+        after = 1 + [name for name, _ in rows].index("C_L, C_D")
+        rows.insert(after, (f"lift over drag{with_lines}", f"{float(aero['glide_ratio']):.3f}"))
     tension = structural.get("tension", np.zeros(0))
     lines = scene.members.names
     one_way = scene.members.lines

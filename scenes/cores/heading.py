@@ -15,7 +15,8 @@ class Heading:
 
     What is `home` is as the solvers see it: wings in the x-z plane whatever the azimuth. The kite is turned by the
     parameter `start_azimuth` beyond that about the upright axis through `about` (3,) m, its pivot or the middle of its
-    tips. Where neither turns it, home is where it is, to the last bit.
+    tips. A rigid body of a mesh from a file may be drawn any way: it looks into the wind of its scene. Where neither
+    turns it, home is where it is, to the last bit.
     """
 
     def __init__(self, scene):
@@ -23,6 +24,8 @@ class Heading:
         tips = np.zeros((2, 3)) if not len(struts) else nodes[struts[[0, -1]]].mean(axis=1)
         across = tips[1] - tips[0]
         angle = azimuth([across[1], -across[0], 0.0])
+        if scene.structure is None and scene.body is not None and scene.body.shape == "mesh-file":
+            angle = azimuth(scene.aero.wind_direction)
         self.drawn = angle if abs(angle) > SMALLEST and _turnable(scene.members.fixed) else 0.0
         self.about = tips.mean(axis=0) if scene.pivot is None else nodes[scene.pivot]
         self._home = self.about

@@ -18,7 +18,7 @@ from ..builders.wings import BoxWing, ClosedSurface, Planform, Stations, lofted,
 from ..schema import BodyInput, SceneError, Wrong, a_file
 from .coordinates import read_profile
 from .meshes import read_panels
-from .tables import Table, number, positive, read_table
+from .tables import Table, chord_length, number, read_table
 
 PROFILE = ("profile", "upper_weights", "lower_weights", "panels", "panel_spacing", "panel_growth")
 WING = ("strips", "tip", "tip_strips", "axis")
@@ -28,23 +28,26 @@ BOX = ("span", "chord", "height", "corner_radius", "strips", "plate_strips", "co
 FILE = ("mesh", "unit", "groups", "trailing_edges")
 STATIONS: dict[str, Callable[[str], Any]] = {
     **dict.fromkeys(("x_m", "y_m", "z_m", "twist_deg", "roll_deg"), number),
-    "chord_m": positive,
+    "chord_m": chord_length,
     "profile": str,
 }
 MOST = 100_000  # panels, whose influence on each other no machine holds
 NACA = re.compile(r"(naca[ -]?)?\d{4,5}", re.IGNORECASE)
 
 
-def read_body(folder: Path, given: BodyInput, rows: Sequence[float] = ()) -> ClosedSurface:
-    """The body of [body]: nodes m, panels, trailing edges, and remarks on what was changed. Profiles of a parafoil have
-    points at the shares `rows` of the chord, where lines begin.
+def read_body(
+    folder: Path, given: BodyInput, wind: tuple[float, ...] = (1.0, 0.0, 0.0), rows: Sequence[float] = ()
+) -> ClosedSurface:
+    """The body of [body]: nodes m, panels, trailing edges, and remarks on what was changed. The trailing edges of a
+    mesh that names none are those sharp edges that look along the `wind` (3,), of any length. Profiles of a parafoil
+    have points at the shares `rows` of the chord, where lines begin.
 
     Raises SceneError in one sentence for keys that are missing or mean nothing to the shape, and for a surface that
     bounds no body, or whose trailing edges are none.
     """
     where = f"{folder.name}/scene.toml: [body]"
     if given.shape == "mesh-file":
-        return _from_file(folder, where, given)
+        return _from_file(folder, where, given, wind)
     try:
         if given.shape == "parafoil":
             surface = _parafoil(folder, where, given, rows)
@@ -58,24 +61,36 @@ def read_body(folder: Path, given: BodyInput, rows: Sequence[float] = ()) -> Clo
 
 
 def files_of(folder: Path, given: BodyInput) -> list[str]:
-    """The files in the scene's folder that a body is made of: mesh, table of stations, coordinates of profiles."""
+    """The files in the scene's folder that a body is made of: mesh, tables of stations and polars, coordinates of
+    profiles.
+    """
     profiles = [] if given.profile is None else [given.profile]
     if given.stations is not None:
         profiles += read_table(folder / given.stations, STATIONS)["profile"]
-    files = [text for text in (given.mesh, given.stations) if text is not None]
+    files = [text for text in (given.mesh, given.stations, given.polars) if text is not None]
     return files + sorted({text for text in profiles if not NACA.fullmatch(text)})
 
 
-def _checked(where: str, surface: ClosedSurface, numbers: np.ndarray | None = None) -> ClosedSurface:
-    """The surface with its trailing edges; `numbers` (m,) of its panels as elements of a file."""
+def _checked(
+    where: str,
+    surface: ClosedSurface,
+    numbers: np.ndarray | None = None,
+    wind: tuple[float, ...] = (1.0, 0.0, 0.0),
+) -> ClosedSurface:
+    """The surface with its trailing edges; `numbers` (m,) of its panels as elements of a file, in whose `wind` (3,) its
+    edges are trailing ones.
+    """
     try:
-        body = Body.of(surface.nodes, surface.panels, surface.trailing_edges)
+        body = Body.of(surface.nodes, surface.panels, surface.trailing_edges, downstream=wind)
     except BodyError as error:
         told = str(error) if numbers is None else error.called("element", numbers)
         raise SceneError(f"{where}: {told}") from None
     remarks = surface.remarks
-    if numbers is not None and len(left := body.unnamed(surface.nodes)):
+    if numbers is not None and len(left := body.unnamed(surface.nodes, wind)):
         remarks += (_of_unnamed(where, numbers[left]),)
+    bare = [k for k, strip in enumerate(body.strips) if not len(strip)]
+    if numbers is not None and 0 < len(bare) < len(body.strips):
+        remarks += (_of_bare(where, numbers[body.trailing[bare, :2]]),)
     return replace(surface, trailing_edges=body.trailing[:, 2:], remarks=remarks)
 
 
@@ -88,6 +103,16 @@ def _of_unnamed(where: str, elements: np.ndarray) -> str:
     )
 
 
+def _of_bare(where: str, elements: np.ndarray) -> str:
+    """The remark on trailing edges with the `elements` (k,2) on their sides that have no strip, where others do."""
+    edges = agreed(len(elements), "trailing edge has", "trailing edges have")
+    return (
+        f"{where}: {len(elements)} {edges} no row of quads from side to side, as at a tip that ends in a point (at the "
+        f"element{listed(np.unique(elements))}): nothing is said of chords, angles and separation of strips; cut the "
+        "tip there"
+    )
+
+
 def _required(where: str, given: BodyInput, needed: tuple[str, ...], known: tuple[str, ...], what: str) -> list[Any]:
     """Values of the `needed` keys; raises where one is missing, or where others than the `known` ones are not as they
     are by default.
@@ -97,7 +122,7 @@ def _required(where: str, given: BodyInput, needed: tuple[str, ...], known: tupl
             raise SceneError(f"{where} lacks '{key}'; {what} needs it: add it.")
     defaults = BodyInput(shape=given.shape)
     for key in vars(defaults):
-        if key not in ("shape", *known) and getattr(given, key) != getattr(defaults, key):
+        if key not in ("shape", "polars", "polar", *known) and getattr(given, key) != getattr(defaults, key):
             raise SceneError(f"{where} {key} means nothing to {what}; drop it.")
     return [getattr(given, key) for key in needed]
 
@@ -312,10 +337,10 @@ def _points(given: BodyInput, panels: int, profile: Profile, rows: Sequence[floa
 # Files
 
 
-def _from_file(folder: Path, where: str, given: BodyInput) -> ClosedSurface:
+def _from_file(folder: Path, where: str, given: BodyInput, wind: tuple[float, ...]) -> ClosedSurface:
     """The quads and triangles of a mesh, with its groups of lines as trailing edges."""
     (file,) = _required(where, given, ("mesh",), FILE, "a mesh from a file")
     mesh = read_panels(folder / file, given.unit, given.groups)
     names = given.trailing_edges
     edges = None if names is None else mesh.lines_of(*names) if names else np.zeros((0, 2), dtype=int)
-    return _checked(mesh.label, ClosedSurface(mesh.nodes, mesh.panels, edges, mesh.remarks), mesh.numbers)
+    return _checked(mesh.label, ClosedSurface(mesh.nodes, mesh.panels, edges, mesh.remarks), mesh.numbers, wind)

@@ -159,6 +159,7 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
         found[section] = _section(label, section, {**given, **changes.get(section, {})})
     _check_method(label, found)
     _check_bridle(label, found)
+    _check_drag(label, found)
     if rigid:
         return found
     _check_aero_of_structure(label, found)
@@ -234,6 +235,18 @@ def _check_bridle(label: str, found: Mapping[str, Any]) -> None:
         raise SceneError(
             f'{label}: [bridle] hangs on the ribs of a parafoil; add [body] with shape = "parafoil" and [membranes] '
             'with shape = "body", or drop it.'
+        )
+
+
+def _check_drag(label: str, found: Mapping[str, Any]) -> None:
+    """`SceneError` where the drag of the strips of a body is said twice."""
+    body, aero = found["body"], found["aero"]
+    if body is None or aero is None or body.polars is None:
+        return
+    if aero.options.get("profile_drag_coefficient"):
+        raise SceneError(
+            f"{label}: [aero] profile_drag_coefficient stands beside [body] polars, which say the drag of strips; drop "
+            "one of them."
         )
 
 

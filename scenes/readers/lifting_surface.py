@@ -111,7 +111,7 @@ def read_polars(folder: Path, wing: WingInput, sections: Table, scale: float, in
     used = list(dict.fromkeys(sections["polar"]))
     polar = np.array([used.index(key) for key in sections["polar"]])
     alpha, cl, cd, cm, ends = at_common_angles([curves[key] for key in used])
-    from aero.vortex_step.polars import sections_beside  # not loaded by scenes without a wing
+    from aero.polars import sections_beside  # not loaded by scenes without a wing
 
     span, strips = _places(*design_edges(sections, scale), interface)
     lost = np.flatnonzero(~(np.diff(span) > 0.0))
@@ -129,14 +129,19 @@ def _check_ranges(where, sections, curves, beside):
     in common for a coefficient of both.
     """
     for left, right in sorted(set(zip(*(rows.tolist() for rows in beside), strict=True))):
-        keys = [sections["polar"][row] for row in (left, right)]
-        (low, high), (low_2, high_2) = (curves[key][0, [0, -1]] for key in keys)
-        if min(high, high_2) - max(low, low_2) < min(OVERLAP, high - low, high_2 - low_2):
-            raise SceneError(
-                f"{where}: polar '{keys[0]}' goes from {low:g} to {high:g} deg and polar '{keys[1]}' from {low_2:g} to "
-                f"{high_2:g} deg, but strips between {sections.at(left)} and row {sections.lines[right]} blend both; "
-                f"widen them until they share {OVERLAP:g} deg or more."
-            )
+        keys = sections["polar"][left], sections["polar"][right]
+        check_overlap(where, curves, keys, f"{sections.at(left)} and row {sections.lines[right]}")
+
+
+def check_overlap(where: str, curves: dict[str, np.ndarray], keys: tuple[str, str], between: str) -> None:
+    """`SceneError` where two polars of a file, `where`, that strips `between` two rows blend share too few angles."""
+    (low, high), (low_2, high_2) = (curves[key][0, [0, -1]] for key in keys)
+    if min(high, high_2) - max(low, low_2) < min(OVERLAP, high - low, high_2 - low_2):
+        raise SceneError(
+            f"{where}: polar '{keys[0]}' goes from {low:g} to {high:g} deg and polar '{keys[1]}' from {low_2:g} to "
+            f"{high_2:g} deg, but strips between {between} blend both; widen them until they share {OVERLAP:g} deg or "
+            "more."
+        )
 
 
 def _quarter_chord(leading_edge, trailing_edge):

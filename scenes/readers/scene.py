@@ -46,7 +46,7 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     wing = read.wing
     loads: tuple[PointLoad, ...] = ()
     pivot = None
-    surface = _surface(folder, read)
+    surface = _surface(folder, read, wind)
     if read.structure is None:
         sections = None if wing is None else read_sections(folder, wing, wind)
         interface = _rigid_interface(read, surface, sections)
@@ -66,6 +66,10 @@ def load(scene: str | Path, settings: Mapping[str, Any] | None = None) -> Scene:
     polars = None
     if wing is not None and sections is not None:
         polars = read_polars(folder, wing, sections, read.choices.scale, interface)
+    elif surface is not None and read.body is not None:
+        from .body_polars import read_body_polars
+
+        polars = read_body_polars(folder, read.body, surface)
     made = Scene(
         folder.name,
         read.title,
@@ -167,8 +171,8 @@ def _turned_up(direction: tuple[float, ...], angle: float) -> tuple[float, ...]:
     return c * x - s * z, y, c * z + s * x
 
 
-def _surface(folder: Path, read: Description) -> "ClosedSurface | None":
-    """The closed surface of [body], None without."""
+def _surface(folder: Path, read: Description, wind: tuple[float, ...]) -> "ClosedSurface | None":
+    """The closed surface of [body] in the `wind`, None without."""
     if read.body is None:
         return None
     from .bodies import read_body  # not loaded for scenes without
@@ -179,7 +183,7 @@ def _surface(folder: Path, read: Description) -> "ClosedSurface | None":
 
         check_bridle(folder, read.bridle)
         rows = tuple(read.bridle.rows.values())
-    return read_body(folder, read.body, rows)
+    return read_body(folder, read.body, wind, rows)
 
 
 def _interface(

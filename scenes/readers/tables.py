@@ -34,6 +34,11 @@ def positive(text: str) -> float:
     return value
 
 
+def chord_length(text: str) -> float:
+    """A finite number above zero, of a section that is no point."""
+    return positive(text)
+
+
 def non_negative(text: str) -> float:
     """A finite number, zero or more."""
     value = number(text)
@@ -64,6 +69,8 @@ def names(text: str) -> tuple[str, ...]:
 _MEANING: dict[Callable[[str], Any], str] = {
     number: f"a finite number of at most {LARGEST:g}",
     positive: f"a number above zero, from {1.0 / LARGEST:g} to {LARGEST:g}",
+    chord_length: f"a number above zero, from {1.0 / LARGEST:g} to {LARGEST:g} (cut a tip that ends in a point where "
+    "its chord is a twentieth of that in the middle)",
     non_negative: f"a number, zero or more, of at most {LARGEST:g}",
     whole: "a whole number",
     name: "a name without blanks and control characters that begins with none of = + - @",

@@ -237,6 +237,7 @@ SCENES = {
         WING.replace('profile = "0012"', "upper_weights = [0.2]\nlower_weights = [-0.2]"), {}, ["[body]:", "no area"],
     ),
     "arc and dihedral": (WING + "arc = 30.0\ndihedral = 3.0\n", {}, ["an arc or a dihedral, not both"]),
+    "pointed tip": (WING + "tip_chord = 0\n", {}, ["tip_chord must be a finite number above 0 (cut a tip that ends"]),
     "pointed ellipse": (WING + 'planform = "elliptic"\n', {}, ["lacks 'tip_chord'"]),
     "odd round tip": (WING.replace("24", "25") + 'tip = "round"\n', {}, ["an even number of panels a profile; 25"]),
     "wide strips": (WING.replace("6.0", "900.0"), {}, ["the strips 1, 2, 3", "75.", "more than 50"]),
@@ -281,7 +282,8 @@ SCENES = {
     ),
     "no chord at a station": (
         'shape = "wing"\nstations = "s.csv"\npanels = 24\nstrips = 2\n',
-        {"s_csv": HEADER + "0,0,0,1,0,0,0012\n0,2,0,0,0,0,0012\n"}, ["row 3: chord_m '0' is not a number above zero"],
+        {"s_csv": HEADER + "0,0,0,1,0,0,0012\n0,2,0,0,0,0,0012\n"},
+        ["row 3: chord_m '0' is not a number above zero", "cut a tip that ends in a point"],
     ),
     "no mesh": ('shape = "mesh-file"\nmesh = "w.msh"\n', {}, ["wing/w.msh does not exist"]),
     "no name of a mesh": ('shape = "mesh-file"\n', {}, ["lacks 'mesh'; a mesh from a file needs it"]),
