@@ -76,7 +76,7 @@ def test_the_suction_side_runs_from_the_stagnation_line_over_the_faster_side():
 
 
 def test_strips_separate_side_by_side_as_they_do_one_by_one():
-    """Circles with circulation either way, with little of it and with none, and one that the flow does not divide on."""
+    """Circles with circulation either way, with little and with none, and one that the flow does not divide on."""
     angle = 2.0 * np.pi * (np.arange(118) + 0.5) / 118  # one of them at the top: no two are fastest
     centre = np.column_stack([np.cos(angle), 0.0 * angle, np.sin(angle)])
     along = np.column_stack([-np.sin(angle), 0.0 * angle, np.cos(angle)])
