@@ -158,7 +158,7 @@ class Stencils:
         return replace(found, quadratic=found._determined(centre, normal))
 
     def _determined(self, centre, normal):
-        """Whether neighbours that count as much as across a fold half way to a crease determine a quadratic fit (r,)."""
+        """Whether neighbours that count as across a fold half way to a crease determine a quadratic fit, (r,)."""
         reach = self.reach(normal)
         near = reach >= np.sqrt(LEAST)
         t, _ = _scaled(_tangent_coordinates(self, centre, normal)[0], reach)
