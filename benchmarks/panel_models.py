@@ -21,7 +21,7 @@ def rectangular(strips, panels, span=6.0, sweep=0.0):
 
 
 def box_wing(strips, panels, thickness="0012", plate=None, corner=3):
-    """The box wing of the ram-air thesis, section 4.1.1, with `strips` on half of each wing, on each `plate`, by default
+    """The box wing of the ram-air thesis, section 4.1.1, with `strips` on half of each wing, on each `plate`, else
     about as wide ones, and on each `corner`.
     """
     box = BoxWing(12.0, 2.4, 1.0, 0.15, strips, plate or max(2, round(0.45 * strips)), corner, "cosine")

@@ -117,7 +117,8 @@ class Stencils:
     """Panels around each of r panels: `rows` (r,) their numbers, `neighbours` (r,k) padded with the panel itself,
     `present` (r,k) bool, `quadratic` (r,) bool which polynomial is fitted, `beside` (r,3) the panels around a triangle,
     the panel itself for all others, and `across` (r,3) the edges to these, -1 for none. `folds` and `paths` say how
-    much of a neighbour counts, all of it for the panels that are `short` (r,) of neighbours.
+    much of a neighbour counts, all of it for the panels that are `short` (r,) of neighbours and have some `beyond`
+    (r,k) folds.
     """
 
     rows: np.ndarray
@@ -129,6 +130,7 @@ class Stencils:
     folds: Folds
     paths: Paths
     short: np.ndarray
+    beyond: np.ndarray
 
     @classmethod
     def of(cls, body, centre, normal, rows=None):
@@ -145,7 +147,7 @@ class Stencils:
         beside, across = _beside(body, rows, passing)
         neighbours, present = _padded(around[rows], rows)
         none, no = np.zeros(len(rows), bool), Paths(*np.zeros((5, 0), int))
-        found = cls(rows, neighbours, present, none, beside, across, folds, no, none)
+        found = cls(rows, neighbours, present, none, beside, across, folds, no, none, np.zeros_like(present))
         short = ~(_flatness(_tangent_coordinates(found, centre, normal)[0], present) > THIN)
         if short.any():
             crossing = _adjacency(body.sides[(passing[:-1] == 0.0) & ~folds.shut], count)
@@ -154,7 +156,8 @@ class Stencils:
             neighbours, present = _padded(around[rows], rows)
         open_to = Neighbours.across(count, body.sides, np.flatnonzero(passing[:-1] > 0.0))
         paths = _paths(rows, neighbours, present, open_to, len(body.edges))
-        found = replace(found, neighbours=neighbours, present=present, paths=paths, short=short)
+        beyond = present & (paths.reach(passing, present.shape) == 0.0)
+        found = replace(found, neighbours=neighbours, present=present, paths=paths, short=short, beyond=beyond)
         return replace(found, quadratic=found._determined(centre, normal))
 
     def _determined(self, centre, normal):
@@ -285,7 +288,24 @@ def _tangent_coordinates(stencils, centre, normal):
     turn = np.arccos(np.clip(np.einsum("rkc,rc->rk", normal[stencils.neighbours], n), -1.0, 1.0))
     half = 0.5 * turn
     arc = straight / np.sinc(half / np.pi)  # |d| (turn / 2) / sin(turn / 2)
-    return t * np.where(flat > 0.0, arc / np.where(flat > 0.0, flat, 1.0), 0.0)[..., None], axes
+    t *= np.where(flat > 0.0, arc / np.where(flat > 0.0, flat, 1.0), 0.0)[..., None]
+    if (row := np.nonzero(stencils.beyond))[0].size:
+        t[row] = np.einsum("fc,fic->fi", _unfolded(d[row], n[row[0]], normal[stencils.neighbours[row]]), axes[row[0]])
+    return t, axes
+
+
+def _unfolded(d, normal, beyond):
+    """What is at d (f,3) m from panels with unit `normal` (f,3), on panels with the unit normals `beyond` (f,3) over a
+    fold, laid out in their plane (f,3) m: along the fold where it is, and across it as far off as it is.
+
+    What is seen at a right angle has no direction of its own in the plane.
+    """
+    out = tangential(beyond, normal) * np.where(np.einsum("fc,fc->f", d, normal) <= 0.0, 1.0, -1.0)[:, None]
+    out /= np.maximum(np.linalg.norm(out, axis=1), THIN)[:, None]
+    fold = cross(normal, out)
+    along = np.einsum("fc,fc->f", d, fold)
+    across = np.sqrt(np.maximum(np.einsum("fc,fc->f", d, d) - along**2, 0.0))
+    return along[:, None] * fold + across[:, None] * out
 
 
 def _covariance(t, weight):
