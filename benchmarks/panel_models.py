@@ -20,9 +20,11 @@ def rectangular(strips, panels, span=6.0, sweep=0.0):
     return mirrored_wing(form.stations(span_shares(strips, "cosine")).sections(naca("0012").points(panels)))
 
 
-def box_wing(strips, panels, thickness="0012"):
-    """The box wing of the ram-air thesis, section 4.1.1, with `strips` on half of each wing."""
-    box = BoxWing(12.0, 2.4, 1.0, 0.15, strips, max(2, round(0.45 * strips)), 3, "cosine")
+def box_wing(strips, panels, thickness="0012", plate=None, corner=3):
+    """The box wing of the ram-air thesis, section 4.1.1, with `strips` on half of each wing, on each `plate`, else
+    about as wide ones, and on each `corner`.
+    """
+    box = BoxWing(12.0, 2.4, 1.0, 0.15, strips, plate or max(2, round(0.45 * strips)), corner, "cosine")
     return box.surface(naca(thickness).points(panels))
 
 

@@ -1,4 +1,4 @@
-"""The surface of closed bodies as the panel method needs it: edges, neighbours, trailing edges, strips, and its faults.
+"""The surface of closed bodies as the panel method needs it: edges, trailing edges, strips, and its faults.
 
 A `Body` is made once of the shape at rest; it holds indices only, so displaced nodes use it too. Panels are (m,4) node
 indices, counter-clockwise seen from outside; a triangle repeats its last one. Sentences count panels, nodes and
@@ -14,7 +14,7 @@ from interface.panels import area_vectors
 from interface.topology import agreed, connected, distinct_pairs, listed, turning
 from interface.vectors import cross
 
-CREASE = 45.0  # degrees by which normals turn at an edge, above which velocities are not averaged across it
+CREASE = 45.0  # degrees by which normals turn at an edge, above which the surface folds there
 CONCENTRATED = 3.0  # and how many times more than at the next edges: a nose of few panels turns at all of its edges
 SHARP = 60.0  # degrees between the two sides of a trailing edge; beyond, a fold is a corner of the body
 AFT = 0.2  # share of downstream in the way across a panel to its trailing edge: found up to 78 degrees of sweep
@@ -42,15 +42,6 @@ class BodyError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Neighbours:
-    """Panels across smooth edges: those of panel i are `panel[start[i]:start[i + 1]]`, across the edges `edge[...]`."""
-
-    start: np.ndarray
-    panel: np.ndarray
-    edge: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
 class Body:
     """The topology of closed bodies of `panels` (m,4), or of their half y > 0 where it is `symmetric`.
 
@@ -60,9 +51,9 @@ class Body:
     `trailing` (t,4): upper panel, lower panel, nodes a, b; the upper panel runs a -> b. Segments that follow each other
     have their upper panels on one side of the sheet: the upper one where that has a meaning, else the outer one of a
     ring, else that of larger y. `trailing_edge` (t,) are their rows of `edges`.
-    `creases` (c,) are the edges that are no trailing edges and at which the surface folds; `neighbours` are across the
-    others. `strips` (t): panels from the upper one at the trailing edge round the nose to the lower one, by opposite
-    sides of quads, empty where there is no such row. `component` (m,) numbers the bodies.
+    `creases` (c,) are the edges that are no trailing edges and at which the surface folds. `strips` (t): panels from
+    the upper one at the trailing edge round the nose to the lower one, by opposite sides of quads, empty where there is
+    no such row. `component` (m,) numbers the bodies.
     """
 
     panels: np.ndarray
@@ -72,7 +63,6 @@ class Body:
     trailing: np.ndarray
     trailing_edge: np.ndarray
     creases: np.ndarray
-    neighbours: Neighbours
     strips: tuple[np.ndarray, ...]
     component: np.ndarray
     symmetric: bool = False
@@ -107,7 +97,6 @@ class Body:
             trailing,
             rows,
             creases,
-            _neighbours(len(panels), sides, np.concatenate([rows, creases])),
             _strips(sides, of_panel, trailing, rows),
             component,
             symmetric,
@@ -244,7 +233,6 @@ class Body:
             trailing,
             rows,
             creases,
-            _neighbours(len(panels), sides, np.concatenate([rows, creases])),
             _strips(sides, of_panel, trailing, rows),
             self.component[panels],
             True,
@@ -634,17 +622,6 @@ def _creases(sides, of_panel, turn, rows, limit):
         opposite = own[np.arange(len(at)), (slot + 2) % 4]
         beside[:, k] = np.where(np.all(own >= 0, axis=1), np.abs(turn[opposite]), 0.0)
     return at[np.abs(turn[at]) >= CONCENTRATED * beside.min(axis=1)]
-
-
-def _neighbours(count, sides, folds):
-    """Neighbours of `count` panels across the edges with two `sides` (e,2) that are no `folds`."""
-    smooth = sides[:, 1] >= 0
-    smooth[folds] = False
-    edge = np.flatnonzero(smooth)
-    panel = sides[edge].ravel()
-    order = np.lexsort((np.repeat(edge, 2), panel))
-    start = np.concatenate([[0], np.cumsum(np.bincount(panel, minlength=count))])
-    return Neighbours(start, sides[edge][:, ::-1].ravel()[order], np.repeat(edge, 2)[order])
 
 
 def _strips(sides, of_panel, trailing, rows):

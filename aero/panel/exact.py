@@ -5,6 +5,8 @@ Arrays have the pairs of a point and a panel in their last axis.
 
 import numpy as np
 
+from interface.vectors import cross
+
 TINY = 1e-280  # keeps logarithms and quotients at corners finite, where their factors are zero
 SNAP = 1e-14  # height over a triangle, as a fraction of the distance to its corners, that is rounding
 FOUR_PI = 4.0 * np.pi
@@ -68,13 +70,13 @@ def pair_potentials(near, points, doublet=True, source=True):
     return doublets, total / -FOUR_PI
 
 
-def _segment(a, b, edge, core):
-    """Gradient (3,n) [1/m] of the solid angle by one straight edge from `a` to `b`, both seen from the points.
+def _segment(a, b, ra, rb, edge, core):
+    """Gradient (3,n) [1/m] of the solid angle by one straight edge from `a` to `b`, both seen from the points, as far
+    off as `ra` and `rb`.
 
     (a x b)(|a| + |b|) / (|a||b| (|a||b| + a.b)), times c^2 / (c^2 + core^2), c the distance to the line; none on it.
     """
-    ra, rb, ab = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), dot(a, b)
-    normal = np.cross(a, edge, axis=0)
+    ab, normal = dot(a, b), cross(a, edge, axis=0)
     square, product = dot(normal, normal), ra * rb
     between = (product - ab) / np.maximum(square, TINY)
     factor = (ra + rb) / np.maximum(product, TINY) * np.where(ab > 0.0, 1.0 / np.maximum(product + ab, TINY), between)
@@ -89,7 +91,7 @@ def _half_line(a, direction, core):
     (a x d) / (|a| (|a| + a.d)), otherwise as `_segment`.
     """
     ra, along = np.sqrt(dot(a, a)), dot(a, direction)
-    normal = np.cross(a, direction, axis=0)
+    normal = cross(a, direction, axis=0)
     square = dot(normal, normal)
     beside = (ra - along) / np.maximum(square, TINY)
     factor = np.where(along > 0.0, 1.0 / np.maximum(ra + along, TINY), beside) / np.maximum(ra, TINY)
@@ -103,10 +105,12 @@ def doublet_velocities(near, points, core=0.0):
     `near` (48,n), `points` (3,n). `core` m: the velocity falls to zero within about this distance of an edge.
     """
     corners = [near[3 * k : 3 * k + 3] for k in range(4)]
-    total = np.zeros(np.broadcast_shapes(corners[0].shape, points.shape))
+    a = [corner - points for corner in corners]
+    r = [np.sqrt(dot(v, v)) for v in a]
+    total = np.zeros_like(a[0])
     for k in range(4):
-        start, end = corners[k], corners[(k + 1) % 4]
-        total += _segment(start - points, end - points, end - start, core)
+        after = (k + 1) % 4
+        total += _segment(a[k], a[after], r[k], r[after], corners[after] - corners[k], core)
     return total / FOUR_PI
 
 
@@ -116,20 +120,25 @@ def source_velocities(near, points):
     """
     a = [near[3 * k : 3 * k + 3] - points for k in range(4)]
     r = [np.sqrt(dot(v, v)) for v in a]
-    total = 0.0
-    for t, triangle in enumerate(((0, 1, 2), (0, 2, 3))):
-        i, j, k = triangle
+    products = {pair: dot(a[pair[0]], a[pair[1]]) for pair in ((0, 1), (1, 2), (0, 2), (2, 3), (0, 3))}
+    total, heights = 0.0, []
+    for t, (i, j, k) in enumerate(((0, 1, 2), (0, 2, 3))):
         normal = near[12 + 3 * t : 15 + 3 * t]
-        height = dot(a[0], normal)
-        sides = dot(a[i], a[j]), dot(a[j], a[k]), dot(a[k], a[i])
-        angle = _angle(height, near[18 + t], r[0] + r[2], near[43 + t], r[i], r[j], r[k], *sides)
-        share = near[45 + t]
-        total = total - share * normal * angle
-        for e, (b, c) in enumerate(((i, j), (j, k), (k, i))):
-            outward = near[20 + 3 * (3 * t + e) : 23 + 3 * (3 * t + e)]
-            length = near[(38, 39, 40, 40, 41, 42)[3 * t + e]]
-            square = dot(a[b], outward) ** 2 + height**2
-            total = total + share * outward * _edge_integral(length, r[b], r[c], dot(a[b], a[c]), square)
+        heights.append(dot(a[0], normal))
+        sides = products[i, j], products[j, k], products[i, k]
+        angle = _angle(heights[t], near[18 + t], r[0] + r[2], near[43 + t], r[i], r[j], r[k], *sides)
+        total = total - near[45 + t] * normal * angle
+    outward = [near[20 + 3 * k : 23 + 3 * k] for k in range(6)]
+    squares = [dot(a[first], outward[k]) ** 2 + heights[k // 3] ** 2 for k, first in enumerate((0, 1, 2, 0, 2, 3))]
+    squares[2] = np.maximum(squares[2], squares[3])  # the diagonal; a triangle without area knows no distance
+    for weight, square, length, (i, j) in (
+        (near[45] * outward[0], squares[0], near[38], (0, 1)),
+        (near[45] * outward[1], squares[1], near[39], (1, 2)),
+        (near[45] * outward[2] + near[46] * outward[3], squares[2], near[40], (0, 2)),
+        (near[46] * outward[4], squares[4], near[41], (2, 3)),
+        (near[46] * outward[5], squares[5], near[42], (0, 3)),
+    ):
+        total = total + weight * _edge_integral(length, r[i], r[j], products[i, j], square)
     return total / FOUR_PI
 
 
@@ -137,8 +146,9 @@ def strip_velocities(strips, points, core=0.0):
     """Gradients (3,n) [1/m] of the potentials of unit doublets on semi-infinite strips; arguments as there."""
     a, b, direction = strips[:3], strips[3:6], strips[6:9]
     start, end = b - points, a - points
+    far = np.sqrt(dot(start, start)), np.sqrt(dot(end, end))
     edges = _half_line(end, direction, core) - _half_line(start, direction, core)
-    return (_segment(start, end, a - b, core) + edges) / FOUR_PI
+    return (_segment(start, end, *far, a - b, core) + edges) / FOUR_PI
 
 
 def strip_potentials(strips, points):

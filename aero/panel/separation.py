@@ -23,90 +23,120 @@ TRANSITIONS = ("turbulent", "peak", "laminar")
 
 
 @dataclass(frozen=True, eq=False)
-class SuctionSide:
-    """The run of a strip from its stagnation line to the trailing edge on the side with the larger speed.
+class SuctionSides:
+    """The runs of s strips from their stagnation line to the trailing edge on the side with the larger speed.
 
-    `way` (k,) m to the centres of its panels, rising, `speed` (k,) m/s there, `length` m up to the trailing edge.
+    `way` (s,k) m to the centres of their panels, rising, and `speed` (s,k) m/s there, of which the first `count` (s,)
+    are of the run and the rest repeats its last; `length` (s,) m up to the trailing edge. `count` is 0 where the flow
+    does not divide.
     """
 
     way: np.ndarray
     speed: np.ndarray
-    length: float
+    count: np.ndarray
+    length: np.ndarray
 
 
-def suction_side(centre, velocity, edge):
-    """The `SuctionSide` of a strip whose panels have the `centre` (k,3) m and the `velocity` (k,3) m/s, from the
-    trailing edge at `edge` (3,) m round the nose back to it; None where the flow does not divide on it.
+def suction_sides(centre, velocity, edge):
+    """The `SuctionSides` of strips whose panels have the `centre` (s,k,3) m and the `velocity` (s,k,3) m/s, from the
+    trailing edges at `edge` (s,3) round the nose back to them.
 
     The stagnation line is where the potential along the strip is least.
     """
-    points = np.concatenate([[edge], centre, [edge]])
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    at = np.cumsum(steps)[:-1]
-    along = points[2:] - points[:-2]
-    u = np.einsum("kc,kc->k", velocity, along) / np.linalg.norm(along, axis=1)
-    potential = np.concatenate([[0.0], np.cumsum(0.5 * (u[1:] + u[:-1]) * np.diff(at))])
-    low = int(np.argmin(potential))
-    if not 0 < low < len(u) - 1:
-        return None
-    i = low if u[low] <= 0.0 else low - 1  # the flow divides between panels i and i + 1
-    if not u[i] <= 0.0 < u[i + 1]:
-        return None
-    stagnation = at[i] - u[i] * (at[i + 1] - at[i]) / (u[i + 1] - u[i])
-    upper = SuctionSide((stagnation - at[: i + 1])[::-1], -u[: i + 1][::-1], stagnation)
-    lower = SuctionSide(at[i + 1 :] - stagnation, u[i + 1 :], float(steps.sum()) - stagnation)
-    return upper if upper.speed.max() > lower.speed.max() else lower
+    points = np.concatenate([edge[:, None], centre, edge[:, None]], axis=1)
+    steps = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    at, along = np.cumsum(steps, axis=1)[:, :-1], points[:, 2:] - points[:, :-2]
+    u = np.einsum("skc,skc->sk", velocity, along) / np.linalg.norm(along, axis=2)
+    rise = np.cumsum(0.5 * (u[:, 1:] + u[:, :-1]) * np.diff(at, axis=1), axis=1)
+    low = np.argmin(np.concatenate([np.zeros((len(u), 1)), rise], axis=1), axis=1)
+    row, last = np.arange(len(u)), u.shape[1] - 1
+    i = np.clip(np.where(u[row, low] <= 0.0, low, low - 1), 0, last - 1)  # it divides between panels i and i + 1
+    divided = (low > 0) & (low < last) & (u[row, i] <= 0.0) & (u[row, i + 1] > 0.0)
+    step = np.where(divided, u[row, i + 1] - u[row, i], 1.0)
+    stagnation = at[row, i] - u[row, i] * (at[row, i + 1] - at[row, i]) / step
+    k, row = np.arange(u.shape[1]), row[:, None]
+    before, after = np.maximum(i[:, None] - k, 0), np.minimum(i[:, None] + 1 + k, last)
+    upper = (-u[row, before]).max(axis=1) > u[row, after].max(axis=1)
+    of = np.where(upper[:, None], before, after)
+    sign = np.where(upper, -1.0, 1.0)
+    length = np.where(upper, stagnation, steps.sum(axis=1) - stagnation)
+    count = np.where(divided, np.where(upper, i + 1, last - i), 0)
+    return SuctionSides(sign[:, None] * (at[row, of] - stagnation[:, None]), sign[:, None] * u[row, of], count, length)
 
 
-def separation(way, speed, viscosity, transition="turbulent"):
-    """How far from the stagnation line a boundary layer separates, m, infinite where it does not; see `criterion`."""
-    peak = int(np.argmax(speed))
-    factor = criterion(way, speed, viscosity, transition)
-    return _first_above_one(way[peak + 1 :], factor[peak + 1 :], way[peak])
+def separations(sides, viscosity, transition="turbulent"):
+    """How far from the stagnation line the boundary layers of `SuctionSides` separate, (s,) m, infinite where they do
+    not; see `criterion`.
+    """
+    way, factor = sides.way, criterion(sides, viscosity, transition)
+    peak, k = _peak(sides), np.arange(way.shape[1])
+    above = (factor >= 1.0) & (k > peak[:, None]) & (k < sides.count[:, None])
+    row, first = np.arange(len(way)), np.argmax(above, axis=1)
+    before = np.maximum(first - 1, 0)
+    here, there, now = way[row, before], way[row, first], factor[row, first]
+    step = np.where(now > factor[row, before], now - factor[row, before], 1.0)
+    between = here + (1.0 - factor[row, before]) / step * (there - here)
+    at_once = np.where(now > 1.0, 0.5 * (here + there), there)
+    return np.where(above.any(axis=1), np.where(first == peak + 1, at_once, between), np.inf)
 
 
-def criterion(way, speed, viscosity, transition="turbulent"):
-    """Left over right side (k,) of Stratford's criterion: at 1 a boundary layer separates, from the `speed` (k,) m/s at
-    the `way` (k,) m, rising, from the stagnation line, and the kinematic `viscosity` m^2/s. 0 up to the largest speed.
+def criterion(sides, viscosity, transition="turbulent"):
+    """Left over right side (s,k) of Stratford's criterion on `SuctionSides`: at 1 a boundary layer separates, in air of
+    the kinematic `viscosity` m^2/s. 0 up to the largest speed.
 
     `transition`: "turbulent" from the beginning, "laminar" all along, or laminar up to the "peak" of the speed.
     """
-    peak, factor = int(np.argmax(speed)), np.zeros(len(way))
-    if peak >= len(way) - 2:
-        return factor
-    x, most = way[peak:], speed[peak]
-    recovered = 1.0 - (speed[peak:] / most) ** 2
-    slope = np.gradient(recovered, x)
+    way, peak, k = sides.way, _peak(sides)[:, None], np.arange(sides.way.shape[1])
+    row, end = np.arange(len(way))[:, None], sides.count[:, None]
+    most = sides.speed[row, peak]
+    recovered = 1.0 - (sides.speed / np.where(most > 0.0, most, 1.0)) ** 2
+    slope = _slope(recovered, way, peak, end)
     rising = np.maximum(slope, 0.0)
-    since = x - x[0] + equivalent_length(way[: peak + 1], speed[: peak + 1], viscosity, transition)
+    since = way - way[row, peak] + equivalent_lengths(sides, viscosity, transition)[:, None]
+    after = (k >= peak) & (k < end) & (peak < end - 2)
+    recovered, since = np.where(after, np.maximum(recovered, 0.0), 0.0), np.where(after, since, 1.0)
     if transition == "laminar":
-        factor[peak:] = np.sqrt(recovered) * since * rising / LAMINAR
-    else:
-        k = np.where(np.gradient(slope, x) >= 0.0, TURBULENT_CONVEX, TURBULENT_CONCAVE)
-        reynolds = 1e-6 * most * since / viscosity
-        factor[peak:] = recovered * np.sqrt(since * rising) / (k * reynolds**0.1)
-    return factor
+        return np.sqrt(recovered) * since * rising / LAMINAR
+    convex = _slope(slope, way, peak, end) >= 0.0
+    reynolds = 1e-6 * np.where(after, most, 1.0) * since / viscosity
+    return recovered * np.sqrt(since * rising) / (np.where(convex, TURBULENT_CONVEX, TURBULENT_CONCAVE) * reynolds**0.1)
 
 
-def equivalent_length(way, speed, viscosity, transition):
-    """Length m of the flat plate at the last speed on which a layer is as thick as after `way` (k,) m at `speed` (k,)
-    m/s, from rest where the way is 0.
+def equivalent_lengths(sides, viscosity, transition):
+    """Lengths (s,) m of the flat plates at the largest speed on which layers are as thick as there, from rest at the
+    stagnation lines of `SuctionSides` on.
     """
-    x, u = np.concatenate([[0.0], way]), np.concatenate([[0.0], speed]) / speed[-1]
-    power = 3 if transition == "turbulent" else 5
-    effective = float(np.trapezoid(u**power, x))
+    peak, row, k = _peak(sides)[:, None], np.arange(len(sides.way)), np.arange(sides.way.shape[1])
+    x, most = sides.way[row[:, None], peak], sides.speed[row[:, None], peak]
+    there = (sides.count[:, None] > 0) & (most > 0.0)
+    x, most = np.where(there, x, 1.0), np.where(there, most, 1.0)
+    power = (sides.speed / most) ** (3 if transition == "turbulent" else 5)
+    zero = np.zeros((len(row), 1))
+    piece = 0.5 * (np.hstack([zero, power[:, :-1]]) + power) * np.diff(sides.way, axis=1, prepend=0.0)
+    effective = np.where(k <= peak, piece, 0.0).sum(axis=1)
     if transition != "peak":
         return effective
-    return AFTER_LAMINAR * (viscosity / (speed[-1] * x[-1])) ** 0.375 * (effective / x[-1]) ** 0.625 * float(x[-1])
+    x, most = x[:, 0], most[:, 0]
+    share = np.maximum(effective / x, 0.0)
+    return AFTER_LAMINAR * (viscosity / (most * x)) ** 0.375 * share**0.625 * x
 
 
-def _first_above_one(way, factor, start):
-    """Where `factor` first reaches one, between its points; infinite where it does not."""
-    above = np.flatnonzero(factor >= 1.0)
-    if not len(above):
-        return np.inf
-    i = int(above[0])
-    if i == 0:
-        return float(0.5 * (start + way[0])) if factor[0] > 1.0 else float(way[0])
-    share = (1.0 - factor[i - 1]) / (factor[i] - factor[i - 1])
-    return float(way[i - 1] + share * (way[i] - way[i - 1]))
+def _peak(sides):
+    """Where (s,) the speed is largest."""
+    there = np.arange(sides.speed.shape[1]) < sides.count[:, None]
+    return np.argmax(np.where(there, sides.speed, -np.inf), axis=1)
+
+
+def _slope(values, way, first, end):
+    """Slopes (s,k) of values (s,k) over the way (s,k): of the parabola through three neighbours between `first` and
+    `end` (s,1), of the line through two at these; 0 where there are none.
+    """
+    row, k = np.arange(len(way))[:, None], np.arange(way.shape[1])[None]
+    last = np.maximum(end - 1, first)
+    before, after = np.clip(k - 1, first, last), np.clip(k + 1, first, last)
+    back, ahead = way - way[row, before], way[row, after] - way
+    inner = (back > 0.0) & (ahead > 0.0)
+    left = (values - values[row, before]) / np.where(back > 0.0, back, 1.0)
+    right = (values[row, after] - values) / np.where(ahead > 0.0, ahead, 1.0)
+    found = np.where(inner, (ahead * left + back * right) / np.where(inner, back + ahead, 1.0), left + right)
+    return np.where((k >= first) & (k <= last), found, 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 
 from interface.vectors import cross
 
-from .separation import separation, suction_side
+from .separation import separations, suction_sides
 from .velocities import unit
 
 
@@ -107,11 +107,14 @@ class Strips:
         """How far along its suction side each strip separates, (s,) of the way from the stagnation line to the trailing
         edge; 1 where it does not.
         """
-        found = np.ones(len(self.ends))
-        for i, (row, edge) in enumerate(zip(self.rows, self.middles(nodes), strict=True)):
-            side = suction_side(centre[row], velocity[row], edge) if len(row) else None
-            if side is not None:
-                found[i] = min(1.0, separation(side.way, side.speed, viscosity, transition) / side.length)
+        found, middle = np.ones(len(self.ends)), self.middles(nodes)
+        lengths = np.array([len(row) for row in self.rows], dtype=int)
+        for length in np.unique(lengths[lengths > 2]):
+            at = np.flatnonzero(lengths == length)
+            row = np.stack([self.rows[i] for i in at])
+            sides = suction_sides(centre[row], velocity[row], middle[at])
+            share = separations(sides, viscosity, transition) / sides.length
+            found[at] = np.where(sides.count > 0, np.minimum(share, 1.0), 1.0)
         return found
 
     def sums(self, values):
@@ -156,9 +159,11 @@ def section_drag(polars, lift):
     alpha = polars.alpha[:, None]
     cl = np.stack([polars.all(np.full(len(lift), at))[0] for at in polars.alpha])
     attached = (alpha >= low) & (alpha <= high)
-    found, beyond = np.empty(len(lift)), np.zeros(len(lift), dtype=bool)
-    for i in range(len(lift)):
-        branch, angles = cl[attached[:, i], i], polars.alpha[attached[:, i]]
-        found[i] = np.interp(lift[i], branch, angles)
-        beyond[i] = not branch[0] <= lift[i] <= branch[-1]
-    return polars.all(found)[1], beyond
+    first, last = np.argmax(attached, axis=0), len(alpha) - 1 - np.argmax(attached[::-1], axis=0)
+    below = np.count_nonzero(attached & (cl <= lift), axis=0)
+    strip, at = np.arange(len(lift)), np.clip(first + below - 1, first, np.maximum(last - 1, first))
+    after = np.minimum(at + 1, last)
+    rise = cl[after, strip] - cl[at, strip]
+    share = np.clip((lift - cl[at, strip]) / np.where(rise > 0.0, rise, 1.0), 0.0, 1.0)
+    beyond = ~((cl[first, strip] <= lift) & (lift <= cl[last, strip]))
+    return polars.all(polars.alpha[at] + share * (polars.alpha[after] - polars.alpha[at]))[1], beyond

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aero.panel.bodies import Body, BodyError
+from aero.panel.velocities import Neighbours
 from interface.panels import area_vectors
 from tests.aero.closed_shapes import all_triangles, box_wing, cube, ellipsoid, half_fin, volume, wing, with_image
 
@@ -106,19 +107,22 @@ def test_triangles_have_trailing_edges_but_no_strips():
         map(tuple, surface.trailing_edges[:, ::-1].tolist())
     ) or (len(body.trailing) == len(surface.trailing_edges))
     assert all(len(strip) == 0 for strip in body.strips)
-    assert np.diff(body.neighbours.start).max() == 3
+    assert np.all(np.count_nonzero(body.of_panel >= 0, axis=1) == 3)
 
 
 def test_neighbours_are_mutual_and_across_smooth_edges_only():
     surface = wing()
     body = Body.of(surface.nodes, surface.panels)
-    around = body.neighbours
+    smooth = np.setdiff1d(np.arange(len(body.edges)), [*body.trailing_edge, *body.creases])
+    around = Neighbours.across(len(body.panels), body.sides, smooth)
     of = np.repeat(np.arange(len(body.panels)), np.diff(around.start))
     pairs = set(zip(of.tolist(), around.panel.tolist(), strict=True))
     assert pairs == {(b, a) for a, b in pairs}
-    assert len(pairs) == 2 * (len(body.edges) - len(body.trailing_edge) - len(body.creases))
+    assert len(pairs) == 2 * len(smooth)
     assert np.array_equal(np.sort(np.stack([of, around.panel]), axis=0), np.sort(body.sides[around.edge].T, axis=0))
-    assert not np.isin(around.edge, [*body.trailing_edge, *body.creases]).any()
+    panel, neighbour, edge = around.of(np.array([7, 3]))
+    assert all(set(body.sides[e]) == {(7, 3)[p], n} for p, n, e in zip(panel, neighbour, edge, strict=True))
+    assert len(panel) == np.isin(body.sides[smooth], [3, 7]).sum()
 
 
 @pytest.mark.parametrize("n", [2, 5])
