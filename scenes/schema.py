@@ -493,7 +493,7 @@ class BodyInput:
     the chord, about which `twist` deg, nose up, of the tip turns; `dihedral` deg, tips up, or `arc` deg, half the angle
     of the circle that it follows, tips down. Or the table `stations` has places, chords and profiles. `strips` of each
     half, or between two stations of the table, spaced by `strip_spacing`: "uniform", or "cosine", close together at the
-    tips; `tip` "flat", or "round" of `tip_strips` panels.
+    tips; `tip` "flat", "round" of `tip_strips` panels, or "sewn".
     A parafoil is such a wing of `cells` in all, an even number, with `strips` each, ruled between its ribs: of each
     half the `equal_cells` in the middle (none: all) are as wide as each other, and the others narrow by equal steps to
     `last_cell` of that width at the tip. In its table `stations` each row is a rib, from y = 0 to the right tip.
@@ -527,7 +527,7 @@ class BodyInput:
     cells: Annotated[int, Whole(2, 1000)] | None = None
     equal_cells: Annotated[int, Whole(1, 500)] | None = None
     last_cell: Annotated[float, Number(above=0.0)] = 1.0
-    tip: Annotated[str, OneOf(("flat", "round"))] = "flat"
+    tip: Annotated[str, OneOf(("flat", "round", "sewn"))] = "flat"
     tip_strips: Annotated[int, Whole(2, 100)] = 4
     height: Positive | None = None
     corner_radius: Positive | None = None

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .wings import ClosedSurface, mirrored_wing
+from .wings import ClosedSurface, mirrored_wing, sewn_section
 
 FEWEST = 3  # ribs: two cells
 STEEPEST = 80.0  # deg, half the angle of the arc, beyond which the tips of a kite face each other
@@ -37,10 +37,13 @@ def parafoil(ribs: np.ndarray, strips: int, tip: str = "flat", tip_strips: int =
     """The wing of which `ribs` (k,n,3) m are the profile sections from the plane y = 0 to the right tip, and its image.
 
     Between two ribs stand `strips` strips of quads on straight rulings. The sections that are ribs are `ribs` (2k - 1,)
-    of the surface, from tip to tip. ValueError for fewer than three ribs, left and right ones together.
+    of the surface, from tip to tip. With `tip` "sewn" upper and lower cloth meet at the last one. ValueError for fewer
+    than three ribs, left and right ones together.
     """
     if 2 * len(ribs) - 1 < FEWEST:
         raise ValueError("a parafoil needs three ribs at least, one in the middle and one at each tip.")
+    if tip == "sewn":
+        ribs = np.concatenate([ribs[:-1], sewn_section(ribs[-1])[None]])
     share = (np.arange(strips) / strips)[:, None, None]
     cells = [(1.0 - share) * one + share * other for one, other in pairwise(ribs)]
     surface = mirrored_wing(np.concatenate([*cells, ribs[-1:]]), tip, tip_strips)

@@ -52,13 +52,22 @@ def ram_air_mesh(
         triangles.append(filled)
         if not closed:
             parts[f"rib_{k + 1}"] = at + np.arange(len(filled))
-        line_parts[f"rib_{k + 1}"] = sum(len(row) for row in lines) + np.arange(len(rib))
-        lines.append(np.stack([rib, np.roll(rib, -1)], axis=1))
+        sides = _round(np.asarray(rib))
+        line_parts[f"rib_{k + 1}"] = sum(len(row) for row in lines) + np.arange(len(sides))
+        lines.append(sides)
         count, at = count + len(inner), at + len(filled)
     parts["ribs"] = np.arange(len(skin), at)
     every = np.concatenate([np.zeros((0, 2), dtype=int), *lines])
     points = _attached(nodes, ribs, attachments or {})
     return TriangleMesh(np.concatenate(places), np.concatenate(triangles), every, parts, line_parts, points, label)
+
+
+def _round(rib):
+    """Sides (s,2) round a rib, in order; of one that is sewn, whose lower nodes are upper ones too, each once."""
+    sides = np.stack([rib, np.roll(rib, -1)], axis=1)
+    first = np.unique(np.sort(sides, axis=1), axis=0, return_index=True)[1]
+    sides = sides[np.sort(first)]
+    return sides[sides[:, 0] != sides[:, 1]]
 
 
 def _attached(nodes, ribs, shares):

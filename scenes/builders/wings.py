@@ -13,7 +13,7 @@ from interface.mirror import MIRROR
 
 from .profiles import uniform
 
-TIPS = ("flat", "round")
+TIPS = ("flat", "round", "sewn")
 SPANWISE = ("uniform", "cosine")
 AXIS = 0.25  # share of the chord where the points of stations lie
 
@@ -147,7 +147,8 @@ def lofted(
 
     Panels of a strip follow each other from the trailing edge over the upper side to the nose and back; strips follow
     the span, the tips come last. Tips are "flat" caps of quads between upper and lower side, or "round": half turns
-    about the middle of the tip, of `tip_strips` panels. Quads of strips left of y = 0 begin at the image of the corner
+    about the middle of the tip, of `tip_strips` panels; or "sewn": both sides of the last section meet half way between
+    them, point by point, and nothing closes it. Quads of strips left of y = 0 begin at the image of the corner
     where those of the right begin, so that the mirror image of a wing has mirrored first diagonals.
     """
     return _closed(sections, False, tip, tip_strips, remarks)
@@ -177,6 +178,8 @@ def _closed(sections, mirrored, tip, tip_strips, remarks):
         [sections.reshape(-1, 3)],
         [_strips(rows, (sections[:-1, :, 1] + sections[1:, :, 1]).sum(axis=1) < 0.0)],
     )
+    if tip == "sewn":
+        return _sewn(sections, rows, panels[0], remarks)
     make = _flat_tip if tip == "flat" else _round_tip
     count = k * n
     right_nodes, right = make(sections[-1], sections[-1] - sections[-2], rows[-1], count, tip_strips)
@@ -223,6 +226,53 @@ def _flat_tip(section, outward, row, count, tip_strips):
     rest = [upper[last], lower[last], *upper[:last:-1]]
     panels.append([*rest, rest[-1]] if len(rest) == 3 else rest)
     return np.zeros((0, 3)), np.array(panels)
+
+
+def sewn_section(section: np.ndarray) -> np.ndarray:
+    """A section (n,3) m whose two sides meet half way between them, point by point from the trailing edge on; of an odd
+    number of points the upper one next to the nose has none below it, and comes half way down.
+    """
+    found, (upper, lower, more) = section.copy(), _opposite(len(section))
+    found[upper] = found[lower] = 0.5 * (section[upper] + section[lower])
+    if len(more):
+        seam = 0.5 * (found[upper[-1]] + found[_nose(len(section))])
+        found[more] = 0.5 * (section[more] + seam)
+    return found
+
+
+def _nose(n):
+    """Number of the nose among the n points of a section."""
+    return n - n // 2
+
+
+def _opposite(n):
+    """Numbers of the upper and of the lower points that stand above each other, from behind the trailing edge to before
+    the nose, and of those of the upper side that have none.
+    """
+    lower = np.arange(n - 1, _nose(n), -1)
+    return np.arange(1, 1 + len(lower)), lower, np.arange(1 + len(lower), _nose(n))
+
+
+def _sewn(sections, rows, panels, remarks):
+    """The wing whose first and last section are sewn, with one node where points meet. Of an odd number of points a
+    triangle at the nose is left open by that, and closed.
+    """
+    k, n = rows.shape
+    nodes, to = sections.copy(), rows.copy()
+    upper, lower, more = _opposite(n)
+    for end in (0, -1):
+        nodes[end] = sewn_section(sections[end])
+        to[end, lower] = to[end, upper]
+    kept = np.unique(to)
+    place = np.full(k * n, -1)
+    place[kept] = np.arange(len(kept))
+    at = place[to]
+    trailing = np.column_stack([at[:-1, 0], at[1:, 0]])
+    noses = [[row[upper[-1]], row[_nose(n)], row[more[0]]] for row in at[[-1, 0]]] if len(more) else []
+    closing = np.array([[a, b, c, c] for a, b, c in noses], dtype=int).reshape(-1, 4)
+    closing[1:] = _turned_over(closing[1:])
+    quads = at.ravel()[panels]
+    return ClosedSurface(nodes.reshape(-1, 3)[kept], np.concatenate([quads, closing]), trailing, remarks, at)
 
 
 def _round_tip(section, outward, row, count, tip_strips):

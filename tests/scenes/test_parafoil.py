@@ -7,7 +7,9 @@ import scenes
 from interface.mirror import canonical_faces, mirror_permutation, mirror_rows
 from scenes.builders.parafoils import cell_widths, parafoil, rib_shares
 from scenes.builders.profiles import naca
+from scenes.readers.bodies import read_body
 
+ROWS = {"A": 0.04, "B": 0.20, "C": 0.42, "D": 0.70}
 VARIANTS = {"coarse": (5, 34, 6460), "medium": (6, 55, 12540), "fine": (7, 75, 19950)}
 # Ribs of the right half: s m along the arc, chord m, arc deg, y m, z m from the middle chord.
 RIBS = {
@@ -27,12 +29,18 @@ def coarse():
     return scenes.load("parafoil_160", {"variant": "coarse"})
 
 
-def ribs(scene, strips, panels):
+def surface(scene):
+    """The closed surface of the scene, with its sections and ribs."""
+    return read_body(scene.folder, scene.body, ROWS.values())
+
+
+def ribs(scene):
     """Sections (39, panels, 3) m of the ribs, from the left tip to the right one, and their chords (39,2,3): nose,
     trailing edge.
     """
-    count = 38 * strips + 1
-    sections = scene.interface.nodes[: count * panels].reshape(count, panels, 3)[::strips]
+    found = surface(scene)
+    sections = found.nodes[found.sections[found.ribs]]
+    panels = sections.shape[1]
     return sections, np.stack([sections[:, panels - panels // 2], sections[:, 0]], axis=1)
 
 
@@ -40,13 +48,16 @@ def ribs(scene, strips, panels):
 def test_strips_and_panels_a_profile_give_the_published_numbers_of_panels(variant):
     strips, panels, published = VARIANTS[variant]
     scene = scenes.load("parafoil_160", {"variant": variant})
-    closing_a_tip = panels // 2  # of a flat cap between upper and lower side
-    assert len(scene.interface.panels) == published + 2 * closing_a_tip
     assert published == 38 * strips * panels
+    quads = scene.interface.panels[:, 2] != scene.interface.panels[:, 3]
+    assert np.count_nonzero(quads) == published
+    # an odd number of panels has one more above than below: at the nose of a sewn tip a triangle is left
+    assert len(scene.interface.panels) - published == 2 * (panels % 2)
+    assert scene.interface.closed
 
 
 def test_the_planform_has_160_m2_flat_and_138_m2_projected(coarse):
-    _, chords = ribs(coarse, 5, 34)
+    _, chords = ribs(coarse)
     length, middle = (
         np.linalg.norm(chords[:, 1] - chords[:, 0], axis=1),
         chords[:, 0] + 0.35 * (chords[:, 1] - chords[:, 0]),
@@ -62,13 +73,16 @@ def test_the_planform_has_160_m2_flat_and_138_m2_projected(coarse):
 @pytest.mark.parametrize("rib", RIBS)
 def test_ribs_stand_where_the_table_has_them(coarse, rib):
     s, chord, arc, y, z = RIBS[rib]
-    section, chords = (values[19 + rib] for values in ribs(coarse, 5, 34))
+    section, chords = (values[19 + rib] for values in ribs(coarse))
     at = chords[0] + 0.35 * (chords[1] - chords[0])
     digit = 6e-4  # the table is rounded to mm
     # the middle chord that makes 160 m2 has more digits than the 7.855 m from which both follow
     assert np.linalg.norm(chords[1] - chords[0]) == pytest.approx(chord, abs=2 * digit)
     assert at == pytest.approx([0.0, y, z], abs=digit)
     assert 0.5 * 25.298 * rib_shares(cell_widths(19, 14, 0.6))[rib] == pytest.approx(s, abs=2 * digit)
+    if rib == 19:  # the tip is sewn: both sides of a symmetric profile meet on its chord
+        assert np.abs(np.cross(section - chords[0], chords[1] - chords[0])).max() < 1e-12
+        return
     normal = np.linalg.svd(section - section.mean(axis=0))[2][2]  # of its plane: along the arc
     assert np.degrees(np.arctan2(abs(normal[2]), abs(normal[1]))) == pytest.approx(arc, abs=0.06)  # of 0.1 degrees
     assert np.abs((section - section[0]) @ normal).max() < 1e-12  # plane
@@ -82,7 +96,8 @@ def test_cells_are_equal_and_then_narrow_by_equal_steps():
 
 
 def test_the_cloth_of_a_cell_is_straight_from_rib_to_rib(coarse):
-    nodes = coarse.interface.nodes[: 191 * 34].reshape(191, 34, 3)
+    found = surface(coarse)
+    nodes = found.nodes[found.sections]
     for cell in (0, 12, 37):
         first, last = nodes[5 * cell], nodes[5 * cell + 5]
         for k in range(1, 5):
@@ -91,10 +106,9 @@ def test_the_cloth_of_a_cell_is_straight_from_rib_to_rib(coarse):
 
 @pytest.mark.parametrize("panels", [24, 34, 55, 75])
 def test_profiles_have_a_point_at_each_row_of_lines_and_keep_their_order(panels):
-    rows = (0.04, 0.2, 0.42, 0.7)
-    points = naca("0018").points(panels, "geometric", 0.05, rows)
+    points = naca("0018").points(panels, "geometric", 0.05, ROWS.values())
     lower = points[panels - panels // 2 :]
-    for share in rows:
+    for share in ROWS.values():
         assert np.abs(lower[:, 0] - share).min() < 1e-15
     upper = points[: panels - panels // 2 + 1]
     assert np.all(np.diff(upper[:, 0]) < 0.0)
@@ -114,12 +128,12 @@ def test_a_line_from_every_row_of_every_rib_leads_straight_to_the_pilot_point(co
     assert np.all(chains.nodes[:, 1] == coarse.pivot)
     assert chains.l0 == pytest.approx(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), rel=1e-15)
     assert chains.k * chains.l0 == pytest.approx(410.4e3, rel=1e-3)  # 83.6 GPa x pi / 4 (2.5 mm)^2
-    _, chords = ribs(coarse, 5, 34)
+    _, chords = ribs(coarse)
     for name, place in zip(chains.names, ends[:, 0], strict=True):
         row, rib = name.split("_")
         nose, tail = chords[int(rib) - 1]
         share = (place - nose) @ (tail - nose) / np.sum((tail - nose) ** 2)
-        assert share == pytest.approx({"A": 0.04, "B": 0.2, "C": 0.42, "D": 0.7}[row], abs=1e-12)
+        assert share == pytest.approx(ROWS[row], abs=1e-12)
     assert len(coarse.interface.lines) == 156
 
 
