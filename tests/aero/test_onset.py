@@ -96,6 +96,19 @@ def test_a_body_that_turns_in_still_air_meets_a_linear_wind(name):
     assert np.abs(moving - field).max() <= allowed * np.abs(moving - uniform).max()
 
 
+def test_motion_and_wind_of_the_place_add_up():
+    # without induction, whose wake goes with the wind of the place but not with the motion, they are one for strips
+    rng = np.random.default_rng(7)
+    nodes, field = arched_nodes(6), LinearField.rotation(RATE, CENTRE)
+    strips, surface = VortexStepModel(stalling_wing(6, induction=False), False), wing(4, 16)
+    for model, x, load in ((strips, nodes, "shear"), (panel_model(surface, False), surface.nodes, "shear")):
+        velocity = np.cross(rng.uniform(-0.3, 0.3, 3), x) + rng.uniform(-1.0, 1.0, 3)
+        air = direction(0.08), SPEED, DENSITY
+        both = model.solve(Flow(x, *air, velocity=velocity, field=field), values(model)).outputs[load]
+        one = model.solve(Flow(x, *air, velocity=velocity - field.velocity(x)), values(model)).outputs[load]
+        assert np.abs(both - one).max() <= 1e-9 * np.abs(one).max()  # rounding, times the condition
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_loads_turn_with_kite_wind_and_line(name):
     # all of it turned about the upright axis and shifted; rounding times the condition, as above

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import scenes
-from fmus.builder import build
+from fmus.builder import build, own_binary
 from tests.fmus.importer import Importer
+from tests.fmus.test_fmi3 import Arrays
 from tests.scenes.broken import copy_of
 from tests.scenes.rigid import flat_wing
 
@@ -83,6 +84,19 @@ def test_it_answers_as_the_core_in_this_process(scene, path):
             fmu.slave.doStep(float(k), 1.0)
             for name in names:
                 assert np.ravel(fmu.get(name)).tolist() == np.ravel(core.get(name)).tolist(), name
+
+
+@pytest.mark.skipif(own_binary() is None, reason="not run: no C compiler was there when the project was installed")
+def test_with_whole_arrays_it_is_the_same(scene, tmp_path):
+    core = scene.aero_core()
+    with Arrays(build(scene, tmp_path, fmi=3)[-1]) as arrays:
+        for name, value in {"turn_rate": [0.02, 0.01, -0.03], "ground_point": [-31.0, 2.0, -100.0]}.items():
+            core.set(name, value)
+            arrays.set(name, value)
+        core.step(0.0, 1.0)
+        arrays.slave.doStep(0.0, 1.0)
+        for name in arrays.variables.keys() - {"time"}:
+            assert np.ravel(arrays.get(name)).tolist() == np.ravel(core.get(name)).tolist(), name
 
 
 def test_what_says_where_the_wind_is_how_fast_has_units(path):
