@@ -66,7 +66,8 @@ def test_pressures_on_a_flat_tip_hardly_change_where_it_is_lifted_a_little():
         nodes = surface.nodes + np.outer(lift * (surface.nodes[:, 1] / 3.0) ** 2, [0.0, 0.0, 1.0])
         found.append(model.solve(replace(flow(surface), nodes=nodes), values(model)).outputs["pressure_coefficient"])
     tip = np.abs(surface.nodes[surface.panels, 1]).min(axis=1) == 3.0
-    assert np.min(found) > -6.0  # -4.1 measured at its trailing edge, -144 where neighbours have no direction
+    # -1.6 and 0.006 measured; -40 and 14 where neighbours have no direction
+    assert np.min(found) > -3.0
     assert np.abs(np.diff(found, axis=0))[:, tip].max() < 0.03
 
 
