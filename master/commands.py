@@ -435,4 +435,5 @@ def pair(
         return
     require_structure(scene)
     with opened(scene, backend, parameters, out, cores) as sides:
-        yield Coupling(sides["structural"], sides.get("aero") or ZeroLoads.beside(sides["structural"]))
+        coupling = Coupling(sides["structural"], sides.get("aero") or ZeroLoads.beside(sides["structural"]))
+        yield coupling.of_scene(scene)

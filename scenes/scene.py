@@ -175,6 +175,12 @@ class Scene:
         return self.aero is not None and bool(self.aero.symmetric)
 
     @property
+    def inflates(self) -> bool:
+        """Whether it is a closed wing of membranes, flat as drawn, which the first loads inflate."""
+        membranes = self.members.membranes
+        return membranes is not None and membranes.skin is not None and self.has_flow
+
+    @property
     def moments_about(self) -> tuple[str, np.ndarray]:
         """What the moments of the flow are about, in a word, and the place (3,) m."""
         if self.pivot is not None:

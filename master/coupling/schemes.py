@@ -39,7 +39,7 @@ def scheme(name: str, exchange: Exchange | None = None, order: Order = "serial",
     if unknown:
         has = f"it has: {', '.join(kind.parameters)}" if kind.parameters else "it has none"
         raise ValueError(f"scheme {name} has no parameter '{unknown[0]}'; {has}.")
-    parameters = {**defaults(name, order), **parameters}
+    parameters = {**defaults(name, order, exchange), **parameters}
     if not kind.exact:
         return kind(**parameters)
     if exchange is None:
@@ -48,7 +48,12 @@ def scheme(name: str, exchange: Exchange | None = None, order: Order = "serial",
     return kind(product=lambda v: exchange.derivative(v, order), **parameters)
 
 
-def defaults(name: str, order: Order = "serial") -> dict[str, Any]:
-    """The default parameters of a scheme that exists, in an order of exchange."""
+def defaults(name: str, order: Order = "serial", exchange: Exchange | None = None) -> dict[str, Any]:
+    """The default parameters of a scheme that exists, in an order of exchange, for what `exchange` couples if known."""
     found = dict(SCHEMES[name].parameters)
-    return found | ({"omega0": FIRST_PARALLEL} if order == "parallel" and "omega0" in found else {})
+    if "omega0" not in found:
+        return found
+    if order == "parallel":
+        return found | {"omega0": FIRST_PARALLEL}
+    first = getattr(exchange, "first_factor", None) if name in ("iqn-ils", "iqn-imvj") else None
+    return found if first is None else found | {"omega0": first}

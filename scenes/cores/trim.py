@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from aero.trim import SMOOTH_STEP, STEP, Trims, trims
+from aero.trim import Trims, trims
 from interface import StepFailed
 
 from ..schema import SceneError
@@ -64,7 +64,7 @@ def _trims(scene, core, structure):
         return float(air[1] + weight @ arm), float(core.get("CL"))
 
     low, high = np.deg2rad(scene.trim.lowest_deg), np.deg2rad(scene.trim.highest_deg)
-    found = trims(loads, low, high, SMOOTH_STEP if scene.wing_model.smooth else STEP)
+    found = trims(loads, low, high, scene.wing_model.smooth)
     if found.start is not None:
         return found
     raise SceneError(_none(scene, core, found, weight, axes))

@@ -41,3 +41,10 @@ def test_a_flow_that_answers_otherwise_when_asked_again_still_has_its_zeros():
         return (1.0 if again else moment(angle)), 1.0
 
     assert [p.angle for p in trims(stalling, -0.2, 0.6).points] == pytest.approx(ZEROS, abs=1e-6)
+
+
+def test_a_smooth_flow_is_looked_at_seldom_and_never_twice():
+    looked = []
+    found = trims(lambda a: (looked.append(a), (moment(a), 1.0))[1], np.deg2rad(-20.0), np.deg2rad(30.0), smooth=True)
+    assert found.start.angle == pytest.approx(ZEROS[0], abs=1e-3)
+    assert len(looked) == len(set(looked)) <= 24
