@@ -18,6 +18,7 @@ SUBJECTS = (
     "coupling_reference",
     "coupling_schemes",
     "coupling_stress",
+    "network_stress",
     "fmu_fuzz",
     "fmu_cycles",
     "run_stress",

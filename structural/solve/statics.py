@@ -12,11 +12,17 @@ from structural.elements import ElementGroup
 from structural.model import Loads
 
 from . import Singular
+from .cones import ConvexShape
 from .linear import ACCURATE_PIVOT, factorised, shifted
-from .newton import Newton, rounding_force, rounding_of_positions, stiffest
+from .newton import Newton, rounding_force, stiffest
 
-# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `continuation_stages`);
-# each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
+# No step moves a node by more than this part of the size of the structure, or by METRE: the limit of kites, which are
+# some 10 m large, and no limit for what is much smaller, where the line search is enough.
+PART_OF_SIZE, METRE = 0.05, 1.0
+# Newton iterations in all: some for every free node, within these bounds.
+ITERATIONS_PER_NODE, FEWEST, MOST = 20, 600, 3000
+# Newton iterations after which a solve begins anew: from the shape of least energy, where all elements are chains, else
+# with softer lines (see `continuation_stages`); each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
 DIRECT_ITERATIONS, SOFT_ITERATIONS, SOFT_RTOL = 200, 200, 1e-2
 # A soft line is stretched to twice its length by SOFT times the load at first, then by STIFFENING times more each time;
 # no load counts as less than SMALLEST_LOAD of the largest k l0. Chosen on random networks of ropes.
@@ -59,6 +65,10 @@ class StaticProblem:
         unknowns = assembly.unknowns
         self.rotational, self.diagonal, self.norm = unknowns.rotational, assembly.diagonal, unknowns.norm
         self.stiffest = stiffest(groups, assembly.structure.reference)
+        structure = assembly.structure
+        self._reach = float(np.abs(structure.nodes).max(initial=0.0))
+        self._free = np.array(~structure.fixed.all(axis=1))  # nodes that elements out of balance can be seen at
+        self._free[np.concatenate([structure.rotation_nodes, structure.dependent_nodes])] = True
 
     def residual_and_tangent(self, at):
         """See Problem; the norm is that of the external forces."""
@@ -69,6 +79,10 @@ class StaticProblem:
         """See Problem."""
         q, rotations = at
         return self._assembly.moved(q, rotations, step)
+
+    def rounding(self, at):
+        """See Problem."""
+        return rounding_force(self._groups, self._assembly.configuration(*at), self._reach, self._free)
 
     # What `energy.EnergyNewton` asks besides
 
@@ -112,15 +126,15 @@ def equilibrium(
     rtol: float = 0.0,
     groups: Sequence[ElementGroup] | None = None,
     rotations: np.ndarray | None = None,
-    max_iterations: int = 600,
-    step_limit: float = 1.0,
+    max_iterations: int | None = None,
+    step_limit: float | None = None,
 ) -> Equilibrium:
     """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
 
-    Where the elements are so stiff that rounding of their lengths, or of coordinates that are large beside these, makes
-    larger forces, that rounding is the tolerance. `groups` replace those of the structure (rest lengths and sections
-    may change), `x0` (n,3) m and `rotations` (r,3,3) are what to start from. No step moves a node by more than
-    `step_limit` m.
+    Where the elements are so stiff that rounding of their lengths and positions makes larger forces, that is the
+    tolerance. `groups` replace those of the structure (rest lengths and sections may change), `x0` (n,3) m and
+    `rotations` (r,3,3) are what to start from. No step moves a node by more than `step_limit` m at first (None: a part
+    of the size of the structure, 1 m at least), and `max_iterations` are as many as a structure of its size may need.
 
     Full Newton steps are all that a warm start needs, and what stiff members need that turn by a large angle;
     otherwise steps are damped, with a line search (see `newton.Newton`; quadratic convergence at the end also with
@@ -128,39 +142,101 @@ def equilibrium(
     energy, so follower loads may take part.
 
     Stiff lines that turn far under light loads are a narrow curved valley, in which straight steps are short. So where
-    all this takes long, it begins anew with soft lines, which are stiffened by degrees (continuation).
+    all this takes long, it begins anew: structures of chains alone from the shape of least energy, which an
+    interior-point method finds (`cones.ConvexShape`), others with soft lines, which are stiffened by degrees
+    (continuation).
     """
     groups = tuple(assembly.structure.groups if groups is None else groups)
-    reach = float(np.abs(assembly.structure.nodes).max(initial=0.0))
-    at_rest = groups, assembly.structure.reference, reach
-    tolerance = max(atol, rounding_force(*at_rest), rounding_of_positions(*at_rest))
-    at = assembly.unknowns.restrict(x0), assembly.start(rotations)
-
-    def newton(members, at, rtol):
-        problem = StaticProblem(assembly, assembly.prepare(loads, members), members)
-        return engine(members)(problem, at, tolerance, rtol, step_limit)
-
-    solve = direct = newton(groups, at, rtol)
-    solve.run(min(DIRECT_ITERATIONS, max_iterations))
-    slow = solve.iterations < max_iterations and solve.status in ("max_iterations", "stalled")
-    softened = continuation_stages(groups, solve.external) if slow else []
-    if slow and not softened:
-        solve.run(max_iterations)
-    norms, iterations = list(solve.norms), solve.iterations
-    for members in (*softened, groups) if softened else ():
-        left = max(max_iterations - iterations, 0)
-        soft = members is not groups
-        solve = newton(members, at, max(rtol, SOFT_RTOL) if soft else rtol)
-        solve.run(min(SOFT_ITERATIONS, left) if soft else left)
-        norms += solve.norms
-        iterations += solve.iterations
-        at = solve.at
-    if solve.status != "converged" and solve.norm > direct.norm:  # softening has not helped
+    most = _budget(assembly) if max_iterations is None else max_iterations
+    limit = _step_limit(assembly.structure.nodes) if step_limit is None else step_limit
+    task = _Task(assembly, loads, x0, assembly.start(rotations), groups, atol, rtol, limit)
+    direct = task.newton(groups)
+    direct.run(min(DIRECT_ITERATIONS, most))
+    solves, iterations = [direct], direct.iterations
+    if iterations < most and direct.status in ("max_iterations", "stalled"):
+        more, iterations = task.begun_anew(direct, most)
+        solves += more
+    solve = solves[-1]
+    norms = [norm for one in solves for norm in one.norms]
+    if solve.status != "converged" and solve.norm > direct.norm:  # a new beginning has not helped
         solve = direct
         norms.append(solve.norm)
     unstable = solve.negative_pivots() if solve.status == "converged" else 0
     x = assembly.positions(*solve.at)
     return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, solve.at[1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What `equilibrium` is asked for, with the ways to it."""
+
+    assembly: Assembly
+    loads: Loads
+    x0: np.ndarray
+    rotations: np.ndarray | None
+    groups: tuple[ElementGroup, ...]
+    atol: float
+    rtol: float
+    limit: float
+
+    def newton(self, members, at=None, rtol=None, method=None):
+        """Newton's method with these members, from the start unless `at` is given."""
+        at = (self.assembly.unknowns.restrict(self.x0), self.rotations) if at is None else at
+        problem = StaticProblem(self.assembly, self.assembly.prepare(self.loads, members), members)
+        method = engine(members) if method is None else method
+        return method(problem, at, self.atol, self.rtol if rtol is None else rtol, self.limit)
+
+    def begun_anew(self, direct, most):
+        """Further solves where the `direct` one was slow, the last of them the best, and iterations in all."""
+        pulling = [group.only_pulling() for group in self.groups]
+        if pulling and None not in pulling:
+            return self._by_energy(pulling, direct.iterations, most)
+        stages = continuation_stages(self.groups, direct.external)
+        if stages:
+            return self._stiffened(stages, direct.iterations, most)
+        direct.run(most)
+        return [], direct.iterations
+
+    def _by_energy(self, pulling, spent, most):
+        """From the shape of least energy of the elements as if they could only pull; where some can push, half of the
+        way goes downhill in energy: they have many equilibria, and Newton's method may circle between these.
+        """
+        shape = ConvexShape(self.assembly, self.loads, self.x0, pulling)
+        spent += shape.iterations
+        solve = self.newton(self.groups, (self.assembly.unknowns.restrict(shape.x), self.rotations))
+        left, pushing = max(most - spent, 0), any(group.two_way.any() for group in pulling)
+        solve.run(left // 2 if pushing else left)
+        spent += solve.iterations
+        if not pushing or solve.status not in ("max_iterations", "stalled"):
+            return [solve], spent
+        from .energy import EnergyNewton  # not loaded where Newton's method does
+
+        downhill = self.newton(self.groups, solve.at, method=EnergyNewton)
+        downhill.run(max(most - spent, 0))
+        return [solve, downhill], spent + downhill.iterations
+
+    def _stiffened(self, stages, spent, most):
+        """Continuation in the stiffness of lines."""
+        solves, at = [], None
+        for members in (*stages, self.groups):
+            left = max(most - spent, 0)
+            soft = members is not self.groups
+            solve = self.newton(members, at, max(self.rtol, SOFT_RTOL) if soft else None)
+            solve.run(min(SOFT_ITERATIONS, left) if soft else left)
+            spent += solve.iterations
+            at = solve.at
+            solves.append(solve)
+        return solves, spent
+
+
+def _step_limit(nodes):
+    """Largest step m of a node of a structure with these nodes (n,3) m."""
+    return max(METRE, PART_OF_SIZE * float(np.ptp(nodes, axis=0).max())) if len(nodes) else METRE
+
+
+def _budget(assembly):
+    """Newton iterations that a solve may take."""
+    return min(max(ITERATIONS_PER_NODE * assembly.unknowns.count // 3, FEWEST), MOST)
 
 
 def engine(groups):
