@@ -18,7 +18,7 @@ SOFTEST = 1e-6
 MAX_REJECTIONS, MAX_TRIALS = 30, 12
 # Largest nodal rotation in one Newton step, rad.
 ROTATION_LIMIT = 0.5
-# After this many steps in a row that the limit of translations has cut short, and that were taken whole, it doubles
+# After this many steps in a row that a growing limit of translations has cut short, and that were taken whole, it doubles
 # with each further one: nodes of soft structures under large loads have to go a million times as far as these are wide.
 LIMITED_STEPS = 8
 # After this many short steps in a row (below a third) full Newton steps are tried again, at most WATCHDOG_STEPS of them
@@ -57,13 +57,14 @@ class Newton:
     Otherwise damped steps of K + mu S, S the mean stiffness: the shift mu is tied to the residual and adapts to how
     well the step did (Levenberg-Marquardt), and a line search shortens the step until the out-of-balance force along it
     no longer grows. No step moves an unknown by more than `step_limit` m or rotates a node by more than ROTATION_LIMIT;
-    the first grows where step after step meets it (see LIMITED_STEPS).
+    the first grows where step after step meets it, if it is `growing` (see LIMITED_STEPS): such a solve goes far, and of
+    several equilibria it may come to a farther one.
 
     Converged is ||r|| <= atol + rtol ||external||, or ||r|| no more than what rounding leaves.
     """
 
-    def __init__(self, problem: Problem, at: Any, atol: float, rtol: float, step_limit: float):
-        self.problem = problem
+    def __init__(self, problem: Problem, at: Any, atol: float, rtol: float, step_limit: float, growing: bool = False):
+        self.problem, self._growing = problem, growing
         self.atol, self.rtol, self.step_limit = atol, rtol, step_limit
         self._least = SOFTEST * problem.stiffest
         self._watchdog_tried = False
@@ -159,7 +160,7 @@ class Newton:
     def _taken(self, s):
         """Count the steps in a row that were cut short by the limit and taken whole (s = 1); it grows after some."""
         self._cut_steps = self._cut_steps + 1 if self._cut and s == 1.0 else 0
-        if self._cut_steps >= LIMITED_STEPS:
+        if self._growing and self._cut_steps >= LIMITED_STEPS:
             self.step_limit *= 2.0
 
     def _damped_step(self):

@@ -1,5 +1,5 @@
-"""Static equilibrium: Newton on the true residual; where that takes long, by continuation in the stiffness of lines.
-And its sensitivity to small changes of the loads.
+"""Static equilibrium: Newton on the true residual; where that takes long, by continuation in the stiffness of lines;
+where that fails, from the shape of least energy. And its sensitivity to small changes of the loads.
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,17 @@ from .newton import Newton, rounding_force, stiffest
 # No step moves a node by more than this part of the size of the structure, or by METRE: the limit of kites, which are
 # some 10 m large, and no limit for what is much smaller, where the line search is enough.
 PART_OF_SIZE, METRE = 0.05, 1.0
-# Newton iterations in all: some for every free node, within these bounds.
-ITERATIONS_PER_NODE, FEWEST, MOST = 20, 600, 3000
-# Newton iterations after which a solve begins anew: from the shape of least energy, where all elements are chains, else
-# with softer lines (see `continuation_stages`); each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
+# Newton iterations after which lines and ropes that are stiff for their loads are softened (see `continuation_stages`);
+# each stage takes SOFT_ITERATIONS at most, to SOFT_RTOL of the load.
 DIRECT_ITERATIONS, SOFT_ITERATIONS, SOFT_RTOL = 200, 200, 1e-2
+# Newton iterations after which a solve begins anew, and how many it then may take: some for every free node, within
+# bounds.
+BEGIN_ANEW, PER_NODE, FEWEST, MOST = 600, 20, 600, 3000
 # A soft line is stretched to twice its length by SOFT times the load at first, then by STIFFENING times more each time;
 # no load counts as less than SMALLEST_LOAD of the largest k l0. Chosen on random networks of ropes.
 SOFT, STIFFENING, SMALLEST_LOAD = 3.0, 30.0, 1e-9
+# Statuses of solves that another start may help.
+SLOW = ("max_iterations", "stalled")
 # Shift relative to each unknown's own stiffness where the tangent of a `LoadSensitivity` is exactly singular.
 SHIFT = 1e-12
 
@@ -142,9 +145,9 @@ def equilibrium(
     energy, so follower loads may take part.
 
     Stiff lines that turn far under light loads are a narrow curved valley, in which straight steps are short. So where
-    all this takes long, it begins anew: structures of chains alone from the shape of least energy, which an
-    interior-point method finds (`cones.ConvexShape`), others with soft lines, which are stiffened by degrees
-    (continuation).
+    all this takes long, it begins anew with soft lines, which are stiffened by degrees (continuation). Where that finds
+    nothing either, structures of chains alone begin from the shape of least energy, which an interior-point method
+    finds (`cones.ConvexShape`); others go on from the best shape so far, with steps that may grow.
     """
     groups = tuple(assembly.structure.groups if groups is None else groups)
     most = _budget(assembly) if max_iterations is None else max_iterations
@@ -152,23 +155,31 @@ def equilibrium(
     task = _Task(assembly, loads, x0, assembly.start(rotations), groups, atol, rtol, limit)
     direct = task.newton(groups)
     direct.run(min(DIRECT_ITERATIONS, most))
-    solves, iterations = [direct], direct.iterations
-    if iterations < most and direct.status in ("max_iterations", "stalled"):
-        more, iterations = task.begun_anew(direct, most)
+    solves, spent = [direct], direct.iterations
+    if spent < most and direct.status in SLOW:
+        more, spent = task.stiffened(direct, min(BEGIN_ANEW, most))
         solves += more
-    solve = solves[-1]
+    solve = _better(direct, solves[-1])
+    if spent < most and solve.status in SLOW:
+        more, spent = task.begun_anew(solve, spent, most)
+        solves += more
+        solve = _better(solve, solves[-1])
     norms = [norm for one in solves for norm in one.norms]
-    if solve.status != "converged" and solve.norm > direct.norm:  # a new beginning has not helped
-        solve = direct
+    if solve is not solves[-1]:  # a new beginning has not helped
         norms.append(solve.norm)
     unstable = solve.negative_pivots() if solve.status == "converged" else 0
     x = assembly.positions(*solve.at)
-    return Equilibrium(x, solve.status, iterations, tuple(norms), unstable, solve.at[1])
+    return Equilibrium(x, solve.status, spent, tuple(norms), unstable, solve.at[1])
+
+
+def _better(first, second):
+    """Of two solves the second, unless it has not converged and ends further out of balance."""
+    return first if second.status != "converged" and second.norm > first.norm else second
 
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    """What `equilibrium` is asked for, with the ways to it."""
+    """What `equilibrium` is asked for, with the ways to it: each gives further solves, and iterations in all."""
 
     assembly: Assembly
     loads: Loads
@@ -179,45 +190,20 @@ class _Task:
     rtol: float
     limit: float
 
-    def newton(self, members, at=None, rtol=None, method=None):
+    def newton(self, members, at=None, rtol=None, method=None, growing=False):
         """Newton's method with these members, from the start unless `at` is given."""
         at = (self.assembly.unknowns.restrict(self.x0), self.rotations) if at is None else at
         problem = StaticProblem(self.assembly, self.assembly.prepare(self.loads, members), members)
         method = engine(members) if method is None else method
-        return method(problem, at, self.atol, self.rtol if rtol is None else rtol, self.limit)
+        return method(problem, at, self.atol, self.rtol if rtol is None else rtol, self.limit, growing)
 
-    def begun_anew(self, direct, most):
-        """Further solves where the `direct` one was slow, the last of them the best, and iterations in all."""
-        pulling = [group.only_pulling() for group in self.groups]
-        if pulling and None not in pulling:
-            return self._by_energy(pulling, direct.iterations, most)
+    def stiffened(self, direct, most):
+        """Continuation in the stiffness of lines; without any the `direct` solve goes on itself."""
         stages = continuation_stages(self.groups, direct.external)
-        if stages:
-            return self._stiffened(stages, direct.iterations, most)
-        direct.run(most)
-        return [], direct.iterations
-
-    def _by_energy(self, pulling, spent, most):
-        """From the shape of least energy of the elements as if they could only pull; where some can push, half of the
-        way goes downhill in energy: they have many equilibria, and Newton's method may circle between these.
-        """
-        shape = ConvexShape(self.assembly, self.loads, self.x0, pulling)
-        spent += shape.iterations
-        solve = self.newton(self.groups, (self.assembly.unknowns.restrict(shape.x), self.rotations))
-        left, pushing = max(most - spent, 0), any(group.two_way.any() for group in pulling)
-        solve.run(left // 2 if pushing else left)
-        spent += solve.iterations
-        if not pushing or solve.status not in ("max_iterations", "stalled"):
-            return [solve], spent
-        from .energy import EnergyNewton  # not loaded where Newton's method does
-
-        downhill = self.newton(self.groups, solve.at, method=EnergyNewton)
-        downhill.run(max(most - spent, 0))
-        return [solve, downhill], spent + downhill.iterations
-
-    def _stiffened(self, stages, spent, most):
-        """Continuation in the stiffness of lines."""
-        solves, at = [], None
+        if not stages:
+            direct.run(most)
+            return [], direct.iterations
+        solves, at, spent = [], None, direct.iterations
         for members in (*stages, self.groups):
             left = max(most - spent, 0)
             soft = members is not self.groups
@@ -228,6 +214,33 @@ class _Task:
             solves.append(solve)
         return solves, spent
 
+    def begun_anew(self, best, spent, most):
+        """From the shape of least energy of chains, else from the `best` shape so far."""
+        pulling = [group.only_pulling() for group in self.groups]
+        if pulling and None not in pulling:
+            return self._by_energy(pulling, spent, most)
+        solve = self.newton(self.groups, best.at, growing=True)
+        solve.run(most - spent)
+        return [solve], spent + solve.iterations
+
+    def _by_energy(self, pulling, spent, most):
+        """From the shape of least energy of the elements as if they could only pull; where some can push, half of the
+        way goes downhill in energy: they have many equilibria, and Newton's method may circle between these.
+        """
+        shape = ConvexShape(self.assembly, self.loads, self.x0, pulling)
+        spent += shape.iterations
+        solve = self.newton(self.groups, (self.assembly.unknowns.restrict(shape.x), self.rotations), growing=True)
+        left, pushing = max(most - spent, 0), any(group.two_way.any() for group in pulling)
+        solve.run(left // 2 if pushing else left)
+        spent += solve.iterations
+        if not pushing or solve.status not in SLOW:
+            return [solve], spent
+        from .energy import EnergyNewton  # not loaded where Newton's method does
+
+        downhill = self.newton(self.groups, solve.at, method=EnergyNewton)
+        downhill.run(max(most - spent, 0))
+        return [solve, downhill], spent + downhill.iterations
+
 
 def _step_limit(nodes):
     """Largest step m of a node of a structure with these nodes (n,3) m."""
@@ -235,8 +248,8 @@ def _step_limit(nodes):
 
 
 def _budget(assembly):
-    """Newton iterations that a solve may take."""
-    return min(max(ITERATIONS_PER_NODE * assembly.unknowns.count // 3, FEWEST), MOST)
+    """Newton iterations that a solve may take in all."""
+    return BEGIN_ANEW + min(max(PER_NODE * assembly.unknowns.count // 3, FEWEST), MOST)
 
 
 def engine(groups):
