@@ -61,10 +61,20 @@ class Equilibrium:
 
 
 class StaticProblem:
-    """Balance of an assembly under prepared elements and loads; the unknowns stand at (q, rotations)."""
+    """Balance of an assembly under prepared elements and loads; the unknowns stand at (q, rotations). `damping` N/m
+    pulls the positions back to where they `begin` (q,), see `equilibrium`.
+    """
 
-    def __init__(self, assembly: Assembly, prepared: Prepared, groups: Sequence[ElementGroup]):
+    def __init__(
+        self,
+        assembly: Assembly,
+        prepared: Prepared,
+        groups: Sequence[ElementGroup],
+        begin: np.ndarray | None = None,
+        damping: float = 0.0,
+    ):
         self._assembly, self._prepared, self._groups = assembly, prepared, groups
+        self._begin, self._damping = begin, damping_of(assembly, damping)
         unknowns = assembly.unknowns
         self.rotational, self.diagonal, self.norm = unknowns.rotational, assembly.diagonal, unknowns.norm
         self.stiffest = stiffest(groups, assembly.structure.reference)
@@ -76,7 +86,10 @@ class StaticProblem:
     def residual_and_tangent(self, at):
         """See Problem; the norm is that of the external forces."""
         q, rotations = at
-        return self._assembly.residual_and_tangent(q, self._prepared, rotations)
+        r, k, external = self._assembly.residual_and_tangent(q, self._prepared, rotations)
+        if self._damping is None or self._begin is None:
+            return r, k, external
+        return r + self._damping * (q - self._begin), shifted(k, self.diagonal, self._damping), external
 
     def moved(self, at, step):
         """See Problem."""
@@ -131,6 +144,7 @@ def equilibrium(
     rotations: np.ndarray | None = None,
     max_iterations: int | None = None,
     step_limit: float | None = None,
+    damping: float = 0.0,
 ) -> Equilibrium:
     """Positions where internal and external forces balance: ||r|| <= atol + rtol ||f_ext||, in newtons.
 
@@ -148,14 +162,20 @@ def equilibrium(
     all this takes long, it begins anew with soft lines, which are stiffened by degrees (continuation). Where that finds
     nothing either, structures of chains alone begin from the shape of least energy, which an interior-point method
     finds (`cones.ConvexShape`); others go on from the best shape so far, with steps that may grow.
+
+    With `damping` N/m it is not the equilibrium, but one implicit Euler step towards it in pseudo-time, f_int - f_ext +
+    damping (x - x0) = 0 (pseudo-transient continuation, Kelley and Keyes 1998): large enough it has one solution near
+    x0, and repeated it leads to a stable equilibrium.
     """
     groups = tuple(assembly.structure.groups if groups is None else groups)
     most = _budget(assembly) if max_iterations is None else max_iterations
     limit = _step_limit(assembly.structure.nodes) if step_limit is None else step_limit
-    task = _Task(assembly, loads, x0, assembly.start(rotations), groups, atol, rtol, limit)
+    task = _Task(assembly, loads, x0, assembly.start(rotations), groups, atol, rtol, limit, damping)
     direct = task.newton(groups)
-    direct.run(min(DIRECT_ITERATIONS, most))
+    direct.run(min(BEGIN_ANEW if damping else DIRECT_ITERATIONS, most))
     solves, spent = [direct], direct.iterations
+    if damping:
+        most = spent
     if spent < most and direct.status in SLOW:
         more, spent = task.stiffened(direct, min(BEGIN_ANEW, most))
         solves += more
@@ -189,11 +209,14 @@ class _Task:
     atol: float
     rtol: float
     limit: float
+    damping: float
 
     def newton(self, members, at=None, rtol=None, method=None, growing=False):
         """Newton's method with these members, from the start unless `at` is given."""
-        at = (self.assembly.unknowns.restrict(self.x0), self.rotations) if at is None else at
-        problem = StaticProblem(self.assembly, self.assembly.prepare(self.loads, members), members)
+        begin = self.assembly.unknowns.restrict(self.x0)
+        at = (begin, self.rotations) if at is None else at
+        prepared = self.assembly.prepare(self.loads, members)
+        problem = StaticProblem(self.assembly, prepared, members, begin, self.damping)
         method = engine(members) if method is None else method
         return method(problem, at, self.atol, self.rtol if rtol is None else rtol, self.limit, growing)
 
@@ -242,6 +265,12 @@ class _Task:
         return [solve, downhill], spent + downhill.iterations
 
 
+def damping_of(assembly, damping):
+    """Of each unknown (q,): `damping` N/m for positions, as often as a dof has images, none for rotations; None for 0."""
+    unknowns = assembly.unknowns
+    return np.where(unknowns.rotational, 0.0, damping * unknowns.shares) if damping else None
+
+
 def _step_limit(nodes):
     """Largest step m of a node of a structure with these nodes (n,3) m."""
     return max(METRE, PART_OF_SIZE * float(np.ptp(nodes, axis=0).max())) if len(nodes) else METRE
@@ -280,12 +309,13 @@ class LoadSensitivity:
 
     r(q, f) = f_int(q) - f_ext(q, f) = 0 at every load, so that K dq = (df_ext/df) df with the consistent tangent K of
     elements, links and follower loads. `x` (n,3) m and `rotations` (r,3,3) are the equilibrium, found by
-    `equilibrium`; `reaction` (r,3) N m are the reactions of fixed rotations, which stiffen their other axes.
+    `equilibrium`, with the same `damping`; `reaction` (r,3) N m are the reactions of fixed rotations, which stiffen their
+    other axes.
     No shift, softening or damping is in it, but where K is exactly singular: directions without any stiffness then
     get (nearly) no displacement, as in the steps of the solver.
     """
 
-    def __init__(self, assembly, loads, x, groups=None, rotations=None, reaction=None):
+    def __init__(self, assembly, loads, x, groups=None, rotations=None, reaction=None, damping=0.0):
         self._assembly, self._x, self._rotations = assembly, x, rotations
         if reaction is not None:
             loads = replace(loads, moment=reaction if loads.moment is None else loads.moment + reaction)
@@ -294,6 +324,8 @@ class LoadSensitivity:
         self._factors = None
         if not k.shape[0]:
             return
+        if (pulling := damping_of(assembly, damping)) is not None:
+            k = shifted(k, assembly.diagonal, pulling)
         try:
             self._factors = factorised(k, ACCURATE_PIVOT)
         except Singular:
