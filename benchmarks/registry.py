@@ -19,6 +19,8 @@ SUBJECTS = (
     "coupling_schemes",
     "coupling_stress",
     "network_stress",
+    "kite_stress",
+    "motion_stress",
     "fmu_fuzz",
     "fmu_cycles",
     "run_stress",

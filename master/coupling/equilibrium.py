@@ -158,8 +158,8 @@ class Equilibrium(Goal):
     and an out-of-balance force of at most `force_tolerance` N with the flow evaluated again.
 
     The structural tolerance follows the residual (`tie_tolerance`), within limits that keep quasi-Newton columns clean.
-    `progress(iteration, residual)` is called after every evaluation. A loop that has stalled because the structure jumps
-    from one equilibrium to another goes on in pseudo-time, once, where it `may_hold_back` nodes.
+    `progress(iteration, residual)` is called after every evaluation. A loop that has stalled because the structure
+    jumps from one equilibrium to another goes on in pseudo-time, once, where it `may_hold_back` nodes.
     """
 
     def __init__(
@@ -230,7 +230,9 @@ class Equilibrium(Goal):
             self._may_hold_back = False
             reason, remedy = "the structure jumped from one equilibrium to another", "led on in pseudo-time"
             search.recoveries.append(Recovery(count, reason, remedy))
-            return Verdict(status, message, force, 1.0, pseudo_time.PseudoTime(self._coupling.structural, force / length))
+            return Verdict(
+                status, message, force, 1.0, pseudo_time.PseudoTime(self._coupling.structural, force / length)
+            )
         if status != "converged" or force <= self._force_tolerance:
             return Verdict(status, message, force)
         if count >= max_iterations:

@@ -35,8 +35,8 @@ class Search:
 @dataclass(frozen=True)
 class Verdict:
     """What a goal says of the end of a loop: status and message of the run; `residual` of its own criterion, nan
-    without one; and, where the run is to continue, by how much `tighter` the tolerances become, and by which `scheme` if
-    by another.
+    without one; and, where the run is to continue, by how much `tighter` the tolerances become, and by which `scheme`
+    if by another.
     """
 
     status: str
@@ -96,9 +96,9 @@ def steady(
     """The fixed point of an exchange from what it sends back now; every evaluation is a step in pseudo-time.
 
     No state is restored unless an evaluation failed. Loops of `fixed_point` follow one another until the `goal` is
-    content. `hold(search, snapshot)` is called before every evaluation with what a checkpoint needs, but in loops with a
-    scheme of the goal's; a `search` from one continues there. Participants with a memory that cannot restore their state leave no way to recover. StepFailed
-    where a participant cannot save its state.
+    content. `hold(search, snapshot)` is called before every evaluation with what a checkpoint needs, but in loops with
+    a scheme of the goal's; a `search` from one continues there. Participants with a memory that cannot restore their
+    state leave no way to recover. StepFailed where a participant cannot save its state.
     """
     begin, before = time.perf_counter(), dict(exchange.seconds)
     if search is None:

@@ -18,8 +18,9 @@ SOFTEST = 1e-6
 MAX_REJECTIONS, MAX_TRIALS = 30, 12
 # Largest nodal rotation in one Newton step, rad.
 ROTATION_LIMIT = 0.5
-# After this many steps in a row that a growing limit of translations has cut short, and that were taken whole, it doubles
-# with each further one: nodes of soft structures under large loads have to go a million times as far as these are wide.
+# After this many steps in a row that a growing limit of translations has cut short, and that were taken whole, it
+# doubles with each further one: nodes of soft structures under large loads have to go a million times as far as these
+# are wide.
 LIMITED_STEPS = 8
 # After this many short steps in a row (below a third) full Newton steps are tried again, at most WATCHDOG_STEPS of them
 # before the residual must have come down (watchdog technique of Chamberlain et al. 1982).
@@ -57,8 +58,8 @@ class Newton:
     Otherwise damped steps of K + mu S, S the mean stiffness: the shift mu is tied to the residual and adapts to how
     well the step did (Levenberg-Marquardt), and a line search shortens the step until the out-of-balance force along it
     no longer grows. No step moves an unknown by more than `step_limit` m or rotates a node by more than ROTATION_LIMIT;
-    the first grows where step after step meets it, if it is `growing` (see LIMITED_STEPS): such a solve goes far, and of
-    several equilibria it may come to a farther one.
+    the first grows where step after step meets it, if it is `growing` (see LIMITED_STEPS): such a solve goes far, and
+    of several equilibria it may come to a farther one.
 
     Converged is ||r|| <= atol + rtol ||external||, or ||r|| no more than what rounding leaves.
     """

@@ -266,7 +266,9 @@ class _Task:
 
 
 def damping_of(assembly, damping):
-    """Of each unknown (q,): `damping` N/m for positions, as often as a dof has images, none for rotations; None for 0."""
+    """Of each unknown (q,) `damping` N/m for positions, as often as a dof has images, and none for rotations; None for
+    none at all.
+    """
     unknowns = assembly.unknowns
     return np.where(unknowns.rotational, 0.0, damping * unknowns.shares) if damping else None
 
@@ -309,8 +311,8 @@ class LoadSensitivity:
 
     r(q, f) = f_int(q) - f_ext(q, f) = 0 at every load, so that K dq = (df_ext/df) df with the consistent tangent K of
     elements, links and follower loads. `x` (n,3) m and `rotations` (r,3,3) are the equilibrium, found by
-    `equilibrium`, with the same `damping`; `reaction` (r,3) N m are the reactions of fixed rotations, which stiffen their
-    other axes.
+    `equilibrium`, with the same `damping`; `reaction` (r,3) N m are the reactions of fixed rotations, which stiffen
+    their other axes.
     No shift, softening or damping is in it, but where K is exactly singular: directions without any stiffness then
     get (nearly) no displacement, as in the steps of the solver.
     """

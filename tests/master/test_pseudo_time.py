@@ -15,8 +15,8 @@ STIFFNESS, SLOPE, CUBIC = 2.0, 5.0, 1.0  # N/m, N/m, N/m^3
 
 
 class Bistable(Solver):
-    """A mass on a spring of STIFFNESS that loads which follow it, SLOPE x, overcome, and the load f of the flow. By itself
-    it is unstable, and where it is not held back it is thrown from one side to the other.
+    """A mass on a spring of STIFFNESS that loads which follow it, SLOPE x, overcome, and the load of the flow. By
+    itself it is unstable, and where it is not held back it is thrown from one side to the other.
     """
 
     name = "bistable"
