@@ -20,13 +20,14 @@ PLATE = {
     "springs": [f"p_{s},{s} ground_{s},0.0,900,0" for s in ("le_left", "te_left", "le_right", "te_right")],
     "canopy": ["name,nodes,stiffness_N_per_m,mass_kg", "plate,le_left te_left te_right le_right,1e6,0"],
     "struts": ["strut,leading_edge_node,trailing_edge_node", "1,le_left,te_left", "2,le_right,te_right"],
-    "sections": ["section,polar,le_x_m,le_y_m,le_z_m,te_x_m,te_y_m,te_z_m", "1,1,0,-0.5,0,1,-0.5,0", "2,1,0,0.5,0,1,0.5,0"],
+    "sections": ["section,polar,le_x_m,le_y_m,le_z_m,te_x_m,te_y_m,te_z_m", "1,1,0,-0.5,0,1,-0.5,0",
+                 "2,1,0,0.5,0,1,0.5,0"],
     "polars": ["polar,alpha_deg,cl,cd,cm", "1,-90,-9,0,0", "1,0,0,0,0", "1,90,9,0,0"],
 }  # fmt: skip
 
 
 def _scene(folder):
-    """Springs that push and lines that do not, of 600 m and 15 decades of stiffness; the structure by itself, whose lines have no wind load."""
+    """Springs that push and lines that do not, a network of 600 m."""
     given = random_network("springs", 76)
     (group,) = given.members
     folder.mkdir()
