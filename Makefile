@@ -44,7 +44,7 @@ bench: $(stamp) ## measure accuracy and run time of every case; results/bench, t
 	$(venv)/bin/python -m benchmarks docs
 
 stress: $(stamp) ## try to break it: random problems and calls, thousands of steps and cycles, killed runs, spoiled scenes
-	$(venv)/bin/python -m benchmarks run coupling.random coupling.gust fmus.fuzz fmus.cycles particles.kite runs.killed scenes.mutated
+	$(venv)/bin/python -m benchmarks run coupling.random coupling.gust structure.random kites.random motion.random fmus.fuzz fmus.cycles particles.kite runs.killed scenes.mutated
 
 clean: ## remove .venv, results, caches and build artefacts
 	rm -rf $(venv) results build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis

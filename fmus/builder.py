@@ -45,8 +45,8 @@ NOTICES = ("SOURCES.md", "LICENSE*")  # what is carried of a scene's folder
 OWN_METHODS = {"vortex-step": "aero/vortex_step/", "panel": "aero/panel/"}
 # What only scenes with membranes load, beginnings of paths.
 MEMBRANES = (
-    *("structural/elements/membrane", "structural/materials/membranes", "structural/solve/energy"),
-    *("structural/loads/curved_faces", "structural/triangles", "scenes/cores/membranes"),
+    *("structural/elements/membrane", "structural/materials/membranes", "structural/loads/curved_faces"),
+    *("structural/triangles", "scenes/cores/membranes"),
 )
 LINUX = {2: "linux64", 3: "x86_64-linux"}  # version of FMI -> what it calls the platform
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the first time that zip knows, given to every entry

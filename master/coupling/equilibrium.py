@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from interface import StepFailed
-from master.coupling.acceleration import Scheme
+from master.coupling import pseudo_time
+from master.coupling.acceleration import ConstantRelaxation, Scheme
 from master.coupling.convergence import Tolerance, required_count, required_number
 from master.coupling.exchange import Connection, CoupledStepFailed, Exchange, Order, StateSnapshot
 from master.coupling.fixed_point import FixedPointResult
@@ -169,7 +170,8 @@ class Equilibrium(Goal):
     and an out-of-balance force of at most `force_tolerance` N with the flow evaluated again.
 
     The structural tolerance follows the residual (`tie_tolerance`), within limits that keep quasi-Newton columns clean.
-    `progress(iteration, residual)` is called after every evaluation.
+    `progress(iteration, residual)` is called after every evaluation. A loop that has stalled because the structure
+    jumps from one equilibrium to another goes on in pseudo-time, once, where it `may_hold_back` nodes.
     """
 
     def __init__(
@@ -180,8 +182,10 @@ class Equilibrium(Goal):
         force_tolerance: float,
         tie_tolerance: bool = True,
         progress: Callable[[int, float], Any] | None = None,
+        may_hold_back: bool = True,
     ) -> None:
         self._coupling, self._atol, self._force_tolerance = coupling, atol, force_tolerance
+        self._may_hold_back = may_hold_back and pseudo_time.BLOCK in coupling.structural.blocks
         self._tie, self._progress = tie_tolerance, progress
         self._fields = coupling.fields(order)
         self.own = self._fields["structural.displacement"]
@@ -192,6 +196,8 @@ class Equilibrium(Goal):
         """See Goal."""
         if self._tie:
             self._coupling.set_tolerance(LOOSEST)
+        if self._may_hold_back and float(self._coupling.structural.get(pseudo_time.BLOCK)) > 0.0:  # of an earlier run
+            self._coupling.structural.set(pseudo_time.BLOCK, np.array(0.0))
 
     def iterate(self, displacement: np.ndarray) -> int | None:
         """The last coupling iteration after which the structure was displaced so (n,3) m; 0: at the start, None: in no
@@ -231,6 +237,14 @@ class Equilibrium(Goal):
         force, failed = _imbalance(self._coupling, shown, search)
         if failed and status == "converged":
             status, message = "diverged", f"{failed}."
+        length = float(np.linalg.norm((found.x_tilde - found.x)[self.own]))
+        if status == "stalled" and self._may_hold_back and force / length > 0.0 and pseudo_time.jumping(search.history):
+            self._may_hold_back = False
+            reason, remedy = "the structure jumped from one equilibrium to another", "led on in pseudo-time"
+            search.recoveries.append(Recovery(count, reason, remedy))
+            return Verdict(
+                status, message, force, 1.0, pseudo_time.PseudoTime(self._coupling.structural, force / length)
+            )
         if status != "converged" or force <= self._force_tolerance:
             return Verdict(status, message, force)
         if count >= max_iterations:
@@ -290,12 +304,14 @@ def solve(
 
     ValueError in one sentence for tolerances, iterations or an order that make no sense. An evaluation that fails, for
     whatever reason, puts both solvers back to the best point and is tried again (see
-    `fixed_point`).
+    `fixed_point`). Where a loop stalls because the structure jumps between equilibria, schemes other than constant
+    relaxation go on in pseudo-time (see `pseudo_time`); the structure has its damping at the end.
     """
     required_number("atol", atol)
     required_number("force_tolerance", force_tolerance, infinite=True)
     required_count("max_iterations", max_iterations)
-    goal = Equilibrium(coupling, order, atol, force_tolerance, tie_tolerance, progress)
+    fixed = isinstance(scheme, ConstantRelaxation)
+    goal = Equilibrium(coupling, order, atol, force_tolerance, tie_tolerance, progress, not fixed)
     try:
         run = steady(coupling, scheme, goal, order, max_iterations, search=search, hold=hold)
     except StepFailed as error:  # of a solver that cannot save its state

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from master.coupling.equilibrium import TIGHTEST, Coupling
+from master.coupling.pseudo_time import BLOCK
 from master.coupling.spectrum import Eigenvalue, rightmost_eigenvalue
 
 # Perturbation of the interface, m (2-norm over all nodes): small against any wrinkle of the map, and 1e4 times what the
@@ -40,6 +41,9 @@ def static_stability(coupling: Coupling, x: np.ndarray) -> Stability:
     plane and has a part in every mode. (What a solve has moved would not do: from a warm start that is rounding, which
     is lopsided.)
     """
+    if BLOCK in coupling.structural.blocks and float(coupling.structural.get(BLOCK)) > 0.0:
+        text = "the coupled map jumps; steps in pseudo-time have come to rest here, which they do where it is stable"
+        return Stability(None, float("nan"), 0, False, text)
     participants = (coupling.structural, coupling.aero)
     symmetric = all("symmetry_used" in p.blocks and bool(p.get("symmetry_used")) for p in participants)
     seed = _symmetric_seed(x, coupling.start) if symmetric else None

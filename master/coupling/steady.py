@@ -35,13 +35,15 @@ class Search:
 @dataclass(frozen=True)
 class Verdict:
     """What a goal says of the end of a loop: status and message of the run; `residual` of its own criterion, nan
-    without one; and, where the run is to continue, by how much `tighter` the tolerances become.
+    without one; and, where the run is to continue, by how much `tighter` the tolerances become, and by which `scheme`
+    if by another.
     """
 
     status: str
     message: str
     residual: float = float("nan")
     tighter: float | None = None
+    scheme: Scheme | None = None
 
 
 class Goal:
@@ -94,9 +96,9 @@ def steady(
     """The fixed point of an exchange from what it sends back now; every evaluation is a step in pseudo-time.
 
     No state is restored unless an evaluation failed. Loops of `fixed_point` follow one another until the `goal` is
-    content. `hold(search, snapshot)` is called before every evaluation with what a checkpoint needs; a `search` from
-    one continues there. Participants with a memory that cannot restore their state leave no way to recover. StepFailed
-    where a participant cannot save its state.
+    content. `hold(search, snapshot)` is called before every evaluation with what a checkpoint needs, but in loops with
+    a scheme of the goal's; a `search` from one continues there. Participants with a memory that cannot restore their
+    state leave no way to recover. StepFailed where a participant cannot save its state.
     """
     begin, before = time.perf_counter(), dict(exchange.seconds)
     if search is None:
@@ -107,7 +109,10 @@ def steady(
         verdict = goal.verdict(found, search, max_iterations)
         if verdict.tighter is None:
             break
-        search.x, search.tighter = found.x_tilde, search.tighter * verdict.tighter
+        if verdict.scheme is not None:
+            scheme, hold = verdict.scheme, None
+        search.x = found.x_tilde if verdict.scheme is None else exchange.present(search.order)
+        search.tighter *= verdict.tighter
     seconds = {name: exchange.seconds[name] - before[name] for name in before}
     seconds["total"] = time.perf_counter() - begin
     return SteadyResult(

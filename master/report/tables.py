@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 import os
 import platform
 from dataclasses import asdict
@@ -332,5 +333,7 @@ def _stability_text(run: "Run") -> str:
     if judged is None:
         return "not judged"
     answer = {True: "yes", False: "no", None: "undecided"}[judged.statically_stable]
+    if math.isnan(judged.eigenvalue):
+        return answer
     scope = ", symmetric motions only" if judged.symmetric_only else ""
     return f"{answer} (rightmost eigenvalue of the coupled map {judged.eigenvalue:.3f}{scope})"

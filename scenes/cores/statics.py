@@ -61,8 +61,12 @@ class Statics(Solver):
         """See Solver."""
         return Result({"imbalance_before_step": values["residual"], "newton_iterations": 0})
 
+    def must_step(self, values, state, t, dt):
+        """See Solver: in pseudo-time the shape moves on under the same loads."""
+        return float(values["pseudo_damping"]) > 0.0
+
     def step(self, values, state, first, t, dt):
-        """Equilibrium under the present loads."""
+        """Equilibrium under the present loads, or a step towards it in pseudo-time."""
         model = self.model
         groups, loads, held = model.groups(values), model.loads(values), self._is_held(values)
         symmetric = model.symmetric(values, groups, (loads,), state.x)
@@ -70,7 +74,7 @@ class Statics(Solver):
         begun, spent = first and model.members.wing is not None, 0
         for moduli in ((START_MODULUS,), STIFFENED) if begun else ((),):
             start = self._softened_start(assembly, values, loads, state, moduli)
-            found = self._equilibrium(assembly, loads, start, tolerance, groups)
+            found = self._equilibrium(assembly, loads, start, tolerance, groups, float(values["pseudo_damping"]))
             spent += found.iterations
             if found.converged:
                 break
@@ -96,10 +100,14 @@ class Statics(Solver):
             out |= self._holding(values, groups, loads, shape, held)
         return Result(out, shape)
 
-    def _equilibrium(self, assembly, loads, start, tolerance, groups):
-        """Balance within `tolerance` N, of membranes within RELATIVE of the external forces too."""
-        if self.model.membranes is None:
-            return equilibrium(assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations)
+    def _equilibrium(self, assembly, loads, start, tolerance, groups, damping):
+        """Balance within `tolerance` N, of membranes within RELATIVE of the external forces too; with `damping` N/m a
+        step in pseudo-time.
+        """
+        if self.model.membranes is None or damping:
+            return equilibrium(
+                assembly, loads, start.x, tolerance, groups=groups, rotations=start.rotations, damping=damping
+            )
         from .membranes import RELATIVE
 
         found = equilibrium(assembly, loads, start.x, 0.0, RELATIVE, groups=groups, rotations=start.rotations)
@@ -162,7 +170,8 @@ class Statics(Solver):
             free, r = self._free_residual(groups, loads, state)
             reaction = held_moment(free, r, model.held, state.rotations)
         assembly = model.assembly(symmetric, held)
-        sensitivity = LoadSensitivity(assembly, loads, state.x, groups, state.rotations, reaction)
+        damping = float(values["pseudo_damping"])
+        sensitivity = LoadSensitivity(assembly, loads, state.x, groups, state.rotations, reaction, damping)
 
         def along(changes):
             changes = {k: v if k == "pressure" else inward(v, axes) for k, v in changes.items()}

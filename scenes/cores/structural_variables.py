@@ -19,6 +19,8 @@ def static_variables(scene, model):
     yield from _loads(scene)
     yield from _parameters(scene, model)
     yield from _solution(scene)
+    text = "force per way that holds nodes back in a step (a step in pseudo-time); 0: it ends in equilibrium"
+    yield tunable("pseudo_damping", unit="N/m", minimum=0.0, maximum=1e12, description=text)
     yield from _shape(scene)
     yield from _holding(scene)
     yield whole("slack_lines", description="lines without tension")

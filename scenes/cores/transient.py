@@ -29,7 +29,8 @@ MOST_SUBSTEPS = 1e6  # of the integration within a communication step: none is m
 class TransientState:
     """State of all nodes: positions `x` m, velocities `v` m/s and accelerations `a` m/s^2, (n,3) each, what a two-step
     scheme keeps of the step before (`past`: its size s, positions and velocities then), the `loads` at the end of the
-    last step, and of each tape its rest length m then and the parameter m that it belonged to.
+    last step, and of each tape its rest length m then and the parameter m that it belonged to, and the rate m/s of its
+    reeling; the energy J `exchanged` so far (see `Balance`).
     """
 
     x: np.ndarray
@@ -38,17 +39,20 @@ class TransientState:
     past: tuple[float, np.ndarray, np.ndarray] | None = None
     loads: Loads | None = None
     lengths: dict[str, tuple[float, float]] = field(default_factory=dict)
+    rates: dict[str, float] = field(default_factory=dict)
+    exchanged: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """What happens over one communication step of `dt` s: `loads` go from those at its beginning to those at its end,
-    and so do the rest `lengths` m of tapes; `air` (n,3,3) kg is the inertia of the air, None without.
+    """What happens over one communication step of `dt` s: `loads` go from those at its beginning to those at its end;
+    rest `lengths` m of tapes go so too, but for the change m/s of their rates of reeling in the step, which goes
+    linearly; `air` (n,3,3) kg is the inertia of the air, None without.
     """
 
     dt: float
     loads: tuple[Loads, Loads]
-    lengths: dict[str, tuple[float, float]]
+    lengths: dict[str, tuple[float, float, float]]
     air: np.ndarray | None
 
     def share(self, at):
@@ -58,21 +62,26 @@ class Window:
     def lengths_at(self, at):
         """Tape -> rest length m."""
         s = self.share(at)
-        return {name: a + s * (b - a) for name, (a, b) in self.lengths.items()}
+        return {
+            name: a + s * (b - a) + 0.5 * s * (s - 1.0) * self.dt * more for name, (a, b, more) in self.lengths.items()
+        }
 
     @property
-    def rates(self):
-        """Tape -> rate m/s of its rest length; None where none changes."""
-        if all(a == b for a, b in self.lengths.values()):
-            return None
-        return {name: (b - a) / self.dt for name, (a, b) in self.lengths.items()}
+    def steady(self):
+        """Whether no rest length changes."""
+        return all(a == b and more == 0.0 for a, b, more in self.lengths.values())
+
+    def rates_at(self, at):
+        """Tape -> rate m/s of its rest length at a time s since the beginning."""
+        s = self.share(at)
+        return {name: (b - a) / self.dt + (s - 0.5) * more for name, (a, b, more) in self.lengths.items()}
 
 
 class Transient(Solver):
     """Particles of a scene under interface loads, gravity and reeling; a step integrates from t to t + dt s.
 
-    Within a step loads go linearly from those at the end of the step before to the present ones, and so do gravity and
-    the rest lengths of tapes and reels.
+    Within a step loads go linearly from those at the end of the step before to the present ones, and so do gravity, the
+    parameters of tapes and reels, and the rates of these, whose integral is added to the rest length.
     """
 
     refuses_derivatives = "a transient structure has no directional derivatives; use a scheme that needs none."
@@ -118,6 +127,9 @@ class Transient(Solver):
     def _lengths(self, values):
         return {name: (float(values[name]), float(values[name])) for name in self.model.tapes}
 
+    def _rates(self, values):
+        return {name: float(values[f"{name}_rate"]) for name in self.model.tapes}
+
     def follow(self, block, values, state, started):
         """See Solver."""
         if block in ("trim_angle", "start_azimuth", "start_in_equilibrium"):
@@ -142,10 +154,10 @@ class Transient(Solver):
                 f"{float(values['longest_step']):g} s at most (longest_step); take a shorter one."
             )
         if first:  # what was set before the first step is where it begins
-            state = replace(state, lengths=self._lengths(values))
-        lengths = self._reeled(values, state, t, dt)
-        now = self.model.loads(values, self._more_line({name: end for name, (_, end) in lengths.items()}))
+            state = replace(state, lengths=self._lengths(values), rates=self._rates(values))
         vary = state.loads is not None and bool(values["loads_vary"])
+        lengths = self._reeled(values, state, t, dt, vary)
+        now = self.model.loads(values, self._more_line({name: end for name, (_, end, _) in lengths.items()}))
         air = self._air_mass(values, state.x)
         if first and bool(values["start_in_equilibrium"]):
             state = self._start_in_equilibrium(values, state, now)
@@ -156,13 +168,15 @@ class Transient(Solver):
             begin = motion.restarted(begin)
         result = integrate(
             motion, begin, dt, self._integrator(values), float(values["longest_step"]),
-            atol=float(values["solver_tolerance"]), energy=self._balance(values, motion, begin, first),
+            atol=float(values["solver_tolerance"]), energy=self._balance(values, motion, begin, first, state.exchanged),
         )  # fmt: skip
         if not result.finished:
             why = result.message[0].lower() + result.message[1:]
             raise StepFailed(f"the motion cannot be integrated beyond {t + result.state.t:.6g} s: {why}")
+        assert result.balance is not None  # asked for
         ended = {name: (lengths[name][1], float(values[name])) for name in self.model.tapes}
         state = self._expanded(motion, result.state, now, ended)
+        state = replace(state, rates=self._rates(values), exchanged=result.balance.exchanged)
         return Result(self._outputs(values, state, result, air, symmetric), state)
 
     def _integrator(self, values):
@@ -170,17 +184,21 @@ class Transient(Solver):
             return GeneralisedAlpha(float(values["spectral_radius"]))
         return self._scheme()
 
-    def _reeled(self, values, state, t, dt):
-        """Tape -> rest lengths m at the beginning and at the end of the step."""
-        out = {}
+    def _reeled(self, values, state, t, dt, vary):
+        """Tape -> rest lengths m at the beginning and at the end of the step, and the change m/s of the rate in it,
+        which goes from that of the step before to the present one if loads `vary`.
+        """
+        out, rates = {}, self._rates(values)
         for name, (length, parameter) in state.lengths.items():
-            end = length + float(values[name]) - parameter + dt * float(values[f"{name}_rate"])
+            rate = rates[name]
+            more = rate - state.rates.get(name, rate) if vary else 0.0
+            end = length + float(values[name]) - parameter + dt * (rate - 0.5 * more)
             if end <= 0.0:
                 raise StepFailed(
                     f"the rest length of {name} would become {end:.4g} m at {t + dt:.6g} s; reel in slower, or stop "
                     "before it is gone."
                 )
-            out[name] = length, end
+            out[name] = length, end, more
         return out
 
     def _more_line(self, lengths):
@@ -206,7 +224,7 @@ class Transient(Solver):
             return total if window.air is None else total[:, None, None] * np.eye(3) + window.air
 
         symmetric = model.symmetric(values, groups(0.0), (before, now), state.x) and self._mirrored(state.v)
-        steady = window.rates is None
+        steady = window.steady
         given = (mass(0.0), now if before is now else loads, groups(0.0)) if steady else (mass, loads, groups)
         try:
             return Motion(model.assembly(symmetric), *given), symmetric
@@ -218,7 +236,7 @@ class Transient(Solver):
         model = self.model
         line, span = model.members.area > 0.0, (float(values[f"{of}_damping_time"]) for of in ("line", "spring"))
         time = np.where(line, *span)
-        rates = None if window.rates is None else model.tapes.spread(window.rates)
+        rates = None if window.steady else model.tapes.spread(window.rates_at(at))
         groups, first = [], 0
         for group in model.tapes.chains(window.lengths_at(at), self._modulus(values)):
             rows = slice(first, first + len(group))
@@ -265,7 +283,7 @@ class Transient(Solver):
         )
 
     @staticmethod
-    def _balance(values, motion, begin, first):
+    def _balance(values, motion, begin, first, exchanged):
         """The balance of energies so far; the energies themselves are those at the beginning of the step.
 
         Elements that were set anew since the step before (line_modulus) have put in what they are stiffer; inertia that
@@ -274,9 +292,11 @@ class Transient(Solver):
         sums = {k: float(values[name]) for name, k in ENERGIES.items() if k not in ("kinetic", "elastic")}
         kinetic, elastic = motion.kinetic_energy(begin), motion.elastic_energy(begin)
         if not first:
-            sums["reeled"] += elastic - float(values["elastic_energy"])
-            sums["numerical_loss"] -= kinetic - float(values["kinetic_energy"])
-        return Balance(kinetic, elastic, **sums)
+            stiffer, heavier = elastic - float(values["elastic_energy"]), kinetic - float(values["kinetic_energy"])
+            sums["reeled"] += stiffer
+            sums["numerical_loss"] -= heavier
+            exchanged += abs(stiffer) + abs(heavier)
+        return Balance(kinetic, elastic, exchanged=exchanged, **sums)
 
     def _start_in_equilibrium(self, values, state, loads):
         """The state at rest in equilibrium under the loads."""

@@ -16,8 +16,12 @@ HALVINGS = 12
 MAX_ATTEMPTS = 40
 # Bounds and safety factor of the change of size from step to step, as usual for one-step error control.
 SAFETY, SHRINK, GROW = 0.9, 0.2, 4.0
+EPS = float(np.finfo(float).eps)
 # Steps of the smallest size relative to the run that still count as progress.
 SMALLEST = 1e-12
+# A scheme that has made more than this part of all energy that there was or went in or out is no approximation of the
+# motion any more. Its errors of second order are far less, and damping is a loss.
+MADE = 1.0
 
 
 @dataclass
@@ -25,7 +29,8 @@ class Balance:
     """Energies J since the beginning: put in by loads (`work`) and by reeling (`reeled`: rest lengths that change under
     tension, and line that comes in at the speed of its nodes), taken by dampers (`dissipated`), and what the scheme has
     lost (or, below zero, made) by itself: all that is missing from the sum, so that kinetic + elastic grow by exactly
-    work + reeled - dissipated - numerical_loss.
+    work + reeled - dissipated - numerical_loss. `exchanged` is what loads and reeling have put in or taken out in all
+    steps, without regard to the sign.
 
     Each is the integral of its power from the values at both ends of every step: by the trapezoidal rule; of springs
     and dampers along straight paths of stretch and rest length, over the part in which a line is taut. Their errors are
@@ -38,11 +43,18 @@ class Balance:
     reeled: float = 0.0
     dissipated: float = 0.0
     numerical_loss: float = 0.0
+    exchanged: float = 0.0
+
+    @property
+    def begun_with(self) -> float:
+        """Energy at the beginning, J."""
+        return self.kinetic + self.elastic + self.numerical_loss - self.work - self.reeled + self.dissipated
 
 
 @dataclass(frozen=True, eq=False)
 class Integration:
-    """End of a run: `state`, "finished" or why not ("newton_failed", "step_too_small"), and a sentence;
+    """End of a run: `state`, "finished" or why not ("newton_failed", "step_too_small", "energy_made": the scheme has
+    made more of it than there was, which the balance tells where it is kept), and a sentence;
     steps made and refused, Newton iterations, energy `balance` if asked for, size s of the steps at the end.
     """
 
@@ -147,8 +159,7 @@ class _Run:
         """Go to the time `end` in one step, or in halves where that cannot be solved."""
         new = self._tried(end - self.state.t)
         if new is not None:
-            self._accept(replace(new, t=end))
-            return True
+            return self._accept(replace(new, t=end))
         self.rejected += 1
         self.refused += 1
         if halvings == 0 or self.refused > MAX_ATTEMPTS:
@@ -171,7 +182,8 @@ class _Run:
                 error = float(np.abs(self.scheme.local_error(self.state, new, h)).max(initial=0.0)) / tolerance
             factor = SAFETY * error ** (-1.0 / (self.scheme.order + 1)) if 0.0 < error < np.inf else GROW
             if error <= 1.0:
-                self._accept(replace(new, t=self.stop) if parts == 1 else new)
+                if not self._accept(replace(new, t=self.stop) if parts == 1 else new):
+                    return
                 self.step = min(longest, h * min(max(factor, SHRINK), GROW))
                 continue
             self.rejected += 1
@@ -187,6 +199,14 @@ class _Run:
         self.steps += 1
         if self.callback is not None:
             self.callback(new)
+        if self._energies is None or not self._energies.made:
+            return True
+        b = self._energies.balance
+        return self._end(
+            "energy_made",
+            f"The scheme has made {-b.numerical_loss:.3g} J by itself, where {b.begun_with + b.exchanged:.3g} J were "
+            "there or went in or out; take a spectral radius of 0 (or bdf2), or a shorter step",
+        )
 
 
 class _EnergyBalance:
@@ -195,6 +215,15 @@ class _EnergyBalance:
     def __init__(self, motion, state, balance: Balance):
         self._motion, self.balance = motion, balance
         self._external, self._mass = motion.external(state), motion.mass(state.t)
+        at = motion.configuration(state.q, state.v)
+        stiffness = sum(float(group.stiffness(at).sum()) for group in motion.groups(state.t))
+        self._rounding = EPS * stiffness * float(np.abs(at.x).max(initial=0.0)) ** 2
+
+    @property
+    def made(self):
+        """Whether the scheme has made more energy than there can be, and than rounding of positions makes."""
+        b = self.balance
+        return -b.numerical_loss > MADE * (b.begun_with + b.exchanged) + self._rounding
 
     def add(self, old, new):
         """Add the energies of the step between two states."""
@@ -206,6 +235,7 @@ class _EnergyBalance:
         held = b.kinetic + b.elastic + b.numerical_loss
         b.kinetic, b.elastic = motion.kinetic_energy(new), motion.elastic_energy(new)
         b.work, b.dissipated, b.reeled = b.work + work, b.dissipated + lost, b.reeled + reeled
+        b.exchanged += abs(work) + abs(reeled)
         b.numerical_loss = held + work + reeled - lost - b.kinetic - b.elastic
 
     def _brought(self, old, new):

@@ -19,6 +19,8 @@ KNOB = 1e-3
 # An element this little short of taut, relative to its rest length, is stiff for Newton's method: a row of them that
 # hangs loose by rounding alone would fall into pieces else, and find together by one element in each iteration.
 TOUCH = 1e-10
+# Part of its length and coordinates by which rounding alone may make an element slack or taut: four units of doubles.
+ROUNDED = 4.0 * float(np.finfo(float).eps)
 # The damping of an element that cannot push grows from zero over this stretch, relative to its rest length: the force
 # of a line that becomes taut at speed would jump else, and an implicit step over the jump would have no solution.
 ONSET = 1e-5
@@ -139,8 +141,19 @@ class Chains(ElementGroup):
         return self.k
 
     def rounding(self, at, reach):
+        """See ElementGroup: k along the element and T / l across it, on both of its ends, times the larger of the rest
+        length and of the coordinates of the nodes, which long structures of short elements reach far with; nothing
+        where it is slack.
+        """
+        length = _legs(at.x, self)[1].sum(axis=1)
+        far = np.maximum(self.l0, np.abs(at.x[self.nodes]).max(axis=(1, 2), initial=0.0))
+        active = self.two_way | (length - self.l0 > -ROUNDED * far)
+        across = np.clip(1.0 - self.l0 / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+        return np.where(active, np.sqrt(2.0) * self.k * (1.0 + across) * far, 0.0)
+
+    def only_pulling(self):
         """See ElementGroup."""
-        return self.k * self.l0
+        return self
 
     def softenable(self):
         """See ElementGroup. Springs that may push keep their stiffness, which keeps them from buckling."""

@@ -207,10 +207,16 @@ class ElementGroup:
         return np.max(np.abs(np.einsum("eii->ei", tangents)), axis=1, where=by_positions, initial=0.0)
 
     def rounding(self, at, reach):
-        """Force (e,) N over machine epsilon by which rounding may change the forces of an element at rest, whose
-        coordinates are up to `reach` m.
+        """Force (e,) N over machine epsilon by which rounding may change the forces of each element in a configuration,
+        whose coordinates are up to `reach` m.
         """
         return self.stiffness(at) * reach
+
+    def only_pulling(self):
+        """The same elements as `chains.Chains` that can only pull, the start of a difficult solve; None for a family
+        that is nothing of the kind.
+        """
+        return None
 
     def softenable(self):
         """Largest force N, stiffness times length, of the elements that a difficult solve may begin with softened."""

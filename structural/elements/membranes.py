@@ -37,7 +37,7 @@ ALIKE = 1e-9
 # anywhere in space, are smaller.
 STRAIN_ROUNDING = 8.0 * float(np.finfo(float).eps)
 # Forces that rounding of positions leaves, over eps stiffness reach; see `rounding`.
-ROUNDING = 0.2
+ROUNDING = 0.25
 
 # Up to where the law is meant, and a fabric holds.
 MEMBRANE_STRAIN = Criterion(

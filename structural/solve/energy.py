@@ -71,8 +71,10 @@ class EnergyNewton(Newton):
 
     problem: EnergyProblem
 
-    def __init__(self, problem: EnergyProblem, at: Any, atol: float, rtol: float, step_limit: float):
-        super().__init__(problem, at, atol, rtol, step_limit)
+    def __init__(
+        self, problem: EnergyProblem, at: Any, atol: float, rtol: float, step_limit: float, growing: bool = False
+    ):
+        super().__init__(problem, at, atol, rtol, step_limit, growing)
         self._energy = problem.energy(at)
         least = np.where(problem.rotational, 0.0, LEAST_UNIT * problem.mean_stiffness)
         self._unit = np.maximum(self._scale(), least)

@@ -18,6 +18,10 @@ SOFTEST = 1e-6
 MAX_REJECTIONS, MAX_TRIALS = 30, 12
 # Largest nodal rotation in one Newton step, rad.
 ROTATION_LIMIT = 0.5
+# After this many steps in a row that a growing limit of translations has cut short, and that were taken whole, it
+# doubles with each further one: nodes of soft structures under large loads have to go a million times as far as these
+# are wide.
+LIMITED_STEPS = 8
 # After this many short steps in a row (below a third) full Newton steps are tried again, at most WATCHDOG_STEPS of them
 # before the residual must have come down (watchdog technique of Chamberlain et al. 1982).
 SHORT_STEPS, WATCHDOG_STEPS = 3, 10
@@ -43,6 +47,9 @@ class Problem(Protocol):
     def norm(self, r: np.ndarray) -> float:
         """Norm N of a residual (q,)."""
 
+    def rounding(self, at: Any) -> float:
+        """Norm N of the residual that rounding alone may leave there; 0 where the tolerance has that in it."""
+
 
 class Newton:
     """State of one solve: where the unknowns are (`at`), residual r, tangent k, the norms met, and the shift.
@@ -50,18 +57,22 @@ class Newton:
     Full Newton steps come first and are kept as long as the residual has come down after some of them (watchdog).
     Otherwise damped steps of K + mu S, S the mean stiffness: the shift mu is tied to the residual and adapts to how
     well the step did (Levenberg-Marquardt), and a line search shortens the step until the out-of-balance force along it
-    no longer grows. No step moves an unknown by more than `step_limit` m or rotates a node by more than ROTATION_LIMIT.
+    no longer grows. No step moves an unknown by more than `step_limit` m or rotates a node by more than ROTATION_LIMIT;
+    the first grows where step after step meets it, if it is `growing` (see LIMITED_STEPS): such a solve goes far, and
+    of several equilibria it may come to a farther one.
 
-    Converged is ||r|| <= atol + rtol ||external||.
+    Converged is ||r|| <= atol + rtol ||external||, or ||r|| no more than what rounding leaves.
     """
 
-    def __init__(self, problem: Problem, at: Any, atol: float, rtol: float, step_limit: float):
-        self.problem = problem
+    def __init__(self, problem: Problem, at: Any, atol: float, rtol: float, step_limit: float, growing: bool = False):
+        self.problem, self._growing = problem, growing
         self.atol, self.rtol, self.step_limit = atol, rtol, step_limit
         self._least = SOFTEST * problem.stiffest
         self._watchdog_tried = False
         self._short, self._patience = 0, SHORT_STEPS
         self._damping, self._rejected = 1.0, 0
+        self._cut, self._cut_steps = False, 0
+        self._rounded: tuple[Any, float] = None, 0.0
         self.norms: list[float] = []
         self._accept(at, problem.residual_and_tangent(at))
 
@@ -72,6 +83,8 @@ class Newton:
             return "converged"
         if not np.isfinite(self.norm):
             return "not_finite"
+        if self.norm <= self._rounding():
+            return "converged"
         return "stalled" if self._rejected > MAX_REJECTIONS else "max_iterations"
 
     @property
@@ -122,26 +135,41 @@ class Newton:
         self.norm = self.problem.norm(self.r)
         self.norms.append(self.norm)
 
+    def _rounding(self):
+        """What rounding may leave where the unknowns are, N; asked for once."""
+        if self._rounded[0] is not self.at:
+            self._rounded = self.at, self.problem.rounding(self.at)
+        return self._rounded[1]
+
     def _watchdog(self, ended):
         """Full Newton steps, WATCHDOG_STEPS at most; if they do not halve the residual, back to the start and False."""
-        before = self.at, self.r, self.k, self.external, self.norm
+        before = self.at, self.r, self.k, self.external, self.norm, self.step_limit
         start = self.norm
         for _ in range(WATCHDOG_STEPS):
             at = self.problem.moved(self.at, self._step(SMALLEST_SHIFT))
             self._accept(at, self.problem.residual_and_tangent(at))
+            self._taken(1.0)
             if not np.isfinite(self.norm) or self.norm <= 0.1 * start or ended():
                 break
         if self.norm < 0.5 * start or self.status == "converged":
             self._damping = 0.0
             return True
-        self.at, self.r, self.k, self.external, self.norm = before
+        self.at, self.r, self.k, self.external, self.norm, self.step_limit = before
+        self._cut_steps = 0
         return False
+
+    def _taken(self, s):
+        """Count the steps in a row that were cut short by the limit and taken whole (s = 1); it grows after some."""
+        self._cut_steps = self._cut_steps + 1 if self._cut and s == 1.0 else 0
+        if self._growing and self._cut_steps >= LIMITED_STEPS:
+            self.step_limit *= 2.0
 
     def _damped_step(self):
         """One shifted step with a line search; the fraction taken, 0 where none would do."""
         relative = min(self.norm / max(self.external, self.norms[0]), 1.0)
         step = self._step(max(self._damping * relative, SMALLEST_SHIFT))
         s, trial = self._line_search(step)
+        self._taken(s)
         if trial is None:
             self._damping = max(10.0 * self._damping, 1e-3)
             self._rejected += 1
@@ -182,6 +210,7 @@ class Newton:
         rotational = self.problem.rotational
         angle = float(np.abs(step[rotational]).max(initial=0.0))
         distance = float(np.abs(step[~rotational]).max(initial=0.0))
+        self._cut = distance > self.step_limit
         return step / max(1.0, distance / self.step_limit, angle / ROTATION_LIMIT)
 
     def _scale(self):
@@ -220,16 +249,20 @@ class Newton:
         return s, None
 
 
-def rounding_force(groups, at, reach=0.0):
-    """Force N by which rounding of the element lengths alone may leave a structure out of balance: 4 eps ||k l0|| for
-    springs; `at` is a configuration, `reach` m how large coordinates are. See `rounding_of_positions` too.
+def rounding_force(groups, at, reach=0.0, free=None):
+    """Force N by which rounding of lengths and positions may leave a structure out of balance in the configuration
+    `at`, whose coordinates are up to `reach` m: 4 eps ||k x|| over the taut springs, x their largest coordinate.
+    Elements without any of the `free` nodes (n,), all without, do not count.
     """
-    squares = sum(np.sum(group.rounding(at, reach) ** 2) for group in groups)
+    free = np.ones(len(at.x), dtype=bool) if free is None else free
+    squares = sum(np.sum(group.rounding(at, reach)[free[group.nodes].any(axis=1)] ** 2) for group in groups)
     return 4.0 * EPS * float(np.sqrt(squares))
 
 
 def rounding_of_positions(groups, at, reach):
-    """Force N that rounding of coordinates of `reach` m makes: eps ||k reach||, the errors of elements being random."""
+    """Force N that rounding of coordinates of `reach` m makes: eps ||k reach||, the errors of elements being random; a
+    bound for all shapes of this reach, whichever elements are taut.
+    """
     return EPS * reach * float(np.sqrt(sum(np.sum(group.stiffness(at) ** 2) for group in groups)))
 
 

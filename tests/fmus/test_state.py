@@ -139,7 +139,7 @@ class Pair:
         if self.scene.transient:  # all line is reeled in, and nothing is left
             self.reel(-1e3)
             lengths = [self.structural.get(name.removesuffix("_rate"))[0] for name in self.rates]
-            self.dt = self.structural.dt = 1.1e-3 * max(lengths)
+            self.dt = self.structural.dt = 2.2e-3 * max(lengths)  # the rate is ramped up to 1e3 m/s
         else:
             most = -1e7 if self.scene.members.membranes is None else -1e200  # a membrane bears what it can stretch for
             self.structural.set(pressure=[most] * len(self.structural.get("pressure")))

@@ -129,8 +129,8 @@ def test_rest_length_that_would_become_negative_is_refused_and_nothing_is_lost()
     core.step(0.0, DT)
     state = {name: core.get(name).tobytes() for name in core.names}
     core.set("tether_length_rate", -1000.0)
-    with pytest.raises(StepFailed, match=r"rest length of tether_length would become -200 m at 0.55 s; reel in slower"):
-        core.step(DT, 0.5)
+    with pytest.raises(StepFailed, match=r"rest length of tether_length would become -200 m at 1.05 s; reel in slower"):
+        core.step(DT, 1.0)  # the rate goes from 0 to -1000 m/s in the step
     core.set("tether_length_rate", 0.0)
     assert {name: core.get(name).tobytes() for name in core.names} == state
     core.step(DT, DT)
@@ -166,8 +166,30 @@ def test_work_of_reeling_is_what_the_tension_gives():
     tension = core.get("tension").mean()
     core.set("tether_length_rate", -0.01)
     core.step(0.01, 0.01)
-    # 1e-4 m at a tension that the step itself raises by EA / L times it
-    assert float(core.get("reeling_work")) == pytest.approx(tension * 1e-4, rel=0.1)
+    # the rate goes from 0 to 0.01 m/s: 5e-5 m at a tension that the step itself raises by EA / L times it
+    assert float(core.get("reeling_work")) == pytest.approx(tension * 5e-5, rel=0.1)
+
+
+def _reeled(step, vary=1.0):
+    """A tether that hangs in the wind, reeled in at 0.2 m/s sin(2 pi t / 4 s) for 1 s, and its position then."""
+    core = _blown(_tether(start_in_equilibrium=1.0, gravity=9.81, longest_step=0.0125, loads_vary=vary))
+    for k in range(round(1.0 / step)):
+        core.set("tether_length_rate", -0.2 * np.sin(0.5 * np.pi * (k + 1) * step))
+        core.step(k * step, step)
+    return float(core.get("tether_length_present")), core.get("position")
+
+
+def test_rates_of_reeling_that_are_ramped_are_integrated_to_second_order():
+    exact, (_, finest) = 300.0 - 0.2 / (0.5 * np.pi), _reeled(0.0125)
+    lengths, places = zip(*(_reeled(step) for step in (0.2, 0.1, 0.05)), strict=True)
+    # the first step begins at its own rate, for nobody knows one before it: wrong by 0.2 m/s sin(..) dt / 2, of order 2
+    wrong = np.abs(np.array(lengths) - exact)
+    moved = np.array([np.abs(place - finest).max() for place in places])
+    assert np.log2(wrong[:-1] / wrong[1:]) == pytest.approx([2.0, 2.0], abs=0.15)
+    assert np.log2(moved[0] / moved[2]) / 2.0 == pytest.approx(2.0, abs=0.3)  # the finest has a sixteenth of the last
+    assert wrong[-1] < 1e-3
+    held = [abs(_reeled(step, vary=0.0)[0] - exact) for step in (0.1, 0.05)]
+    assert np.log2(held[0] / held[1]) == pytest.approx(1.0, abs=0.1)  # values that hold all through the step
 
 
 @pytest.mark.parametrize(
