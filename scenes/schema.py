@@ -188,6 +188,17 @@ def numbers(value: Any) -> tuple[float, ...]:
         raise Wrong(meaning) from None
 
 
+def shortenings(value: Any) -> tuple[tuple[float, float], ...]:
+    """Pairs of numbers, none where the list is empty."""
+    meaning = "a list of pairs, each a share of the chord and per cent"
+    if not isinstance(value, list) or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
+        raise Wrong(meaning)
+    try:
+        return tuple((Number()(share), Number()(percent)) for share, percent in value)
+    except Wrong:
+        raise Wrong(meaning) from None
+
+
 def texts(value: Any) -> tuple[str, ...]:
     """One text or a list of some."""
     found = [value] if isinstance(value, str) else value
@@ -451,7 +462,9 @@ class MembranesInput:
     elements are in (none: those of its format), `drop_loose_nodes` and `parts_may_be_apart`; or it is made: a `shape`
     of sizes `size`, the `share` of it ("whole", ...), how quads are cut by `diagonals`, ends of a cylinder with `caps`,
     and the table `profiles` of a ruled surface. The shape "body" is the skin of [body], two triangles a panel, with
-    ribs; `attachments` are points of all ribs by name, on the lower side at a share of the chord. `order` 1 or 2 of the
+    ribs; `attachments` are points of all ribs by name, on the lower side at a share of the chord, and the list
+    `panel_shortening` of pairs, a share of the chord and per cent, says by how much its panels are cut narrower across
+    the span. `order` 1 or 2 of the
     triangles. `patterns` is a table of triangles whose sides are cut in other lengths. `wrinkling`: folds instead of
     compression. `tie` m: nodes of the mesh this near to one of the table of nodes are that node. `fabrics`, `pressures`
     and `cables` are tables by name, `supports` groups with the directions that are held.
@@ -469,6 +482,7 @@ class MembranesInput:
     caps: Flag = True
     profiles: File | None = None
     attachments: Numbers = field(default_factory=dict)
+    panel_shortening: Annotated[tuple[tuple[float, float], ...], shortenings] = ()
     order: Annotated[int, Whole(1, 2)] = 1
     patterns: File | None = None
     wrinkling: Flag = True
@@ -497,6 +511,7 @@ class BodyInput:
     A parafoil is such a wing of `cells` in all, an even number, with `strips` each, ruled between its ribs: of each
     half the `equal_cells` in the middle (none: all) are as wide as each other, and the others narrow by equal steps to
     `last_cell` of that width at the tip. In its table `stations` each row is a rib, from y = 0 to the right tip.
+    Its `inlets` must be "closed".
     A box wing has `span`, `chord`, `height` and `corner_radius` m, and in each half `strips` on each wing,
     `plate_strips` on the end plate and `corner_strips` in each corner.
     A file is a `mesh` with `unit` of its lengths (none: m) and the cell data `groups` that say what groups its elements
@@ -527,6 +542,7 @@ class BodyInput:
     cells: Annotated[int, Whole(2, 1000)] | None = None
     equal_cells: Annotated[int, Whole(1, 500)] | None = None
     last_cell: Annotated[float, Number(above=0.0)] = 1.0
+    inlets: Annotated[str, OneOf(("closed", "open"))] = "closed"
     tip: Annotated[str, OneOf(("flat", "round", "sewn"))] = "flat"
     tip_strips: Annotated[int, Whole(2, 100)] = 4
     height: Positive | None = None
@@ -547,13 +563,26 @@ class BridleInput:
 
     `rows` are lines of all ribs by name, at a share of the chord on their lower side; the node `pilot` is `depth` m
     below the chord of the middle rib, normal to it, at `trim` per cent of it from the nose on. Lines have the
-    `diameter` m, and modulus and density as [structure] has them.
+    `diameter` m, and modulus and density as [structure] has them. `cascade` ribs beside each other share a line of each
+    row from the share `cascade_share` of the way up on (1: none do); lines of the `belt_ribs` outermost ribs on each
+    side run into a belt at the share `belt_share` of it, of `belt_diameter` m (none: as the lines). `control_unit_mass`
+    kg is at the pilot point. A tether of `tether_length` m (0: none, and the pilot point is held) in `tether_elements`
+    has `tether_diameter` m.
     """
 
     rows: Numbers = field(kw_only=True)
     depth: Positive = field(kw_only=True)
     trim: Annotated[float, Number(low=-50.0, high=150.0)] = 42.0
     diameter: Positive = field(kw_only=True)
+    cascade: Annotated[int, Whole(1, 100)] = 1
+    cascade_share: Annotated[float, Number(low=0.05, high=0.95)] = 0.5
+    belt_ribs: Annotated[int, Whole(0, 500)] = 0
+    belt_share: Annotated[float, Number(low=0.05, high=0.95)] = 0.2
+    belt_diameter: Positive | None = None
+    control_unit_mass: NotNegative = 0.0
+    tether_length: Annotated[float, Number(low=0.0, high=10e3)] = 0.0
+    tether_diameter: Positive | None = None
+    tether_elements: Annotated[int, Whole(1, 1000)] = 50
 
 
 SECTIONS = {

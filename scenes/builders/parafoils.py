@@ -48,3 +48,20 @@ def parafoil(ribs: np.ndarray, strips: int, tip: str = "flat", tip_strips: int =
     cells = [(1.0 - share) * one + share * other for one, other in pairwise(ribs)]
     surface = mirrored_wing(np.concatenate([*cells, ribs[-1:]]), tip, tip_strips)
     return replace(surface, ribs=np.arange(2 * len(ribs) - 1) * strips)
+
+
+def panels_across(surface: ClosedSurface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the skin between the sections of a wing, in two triangles a panel: rows (t,) of the triangles, the share (t,)
+    of the chord at which they lie, 0 being the nose, and the direction (t,3) in which they run across the span.
+    """
+    assert surface.sections is not None
+    sections, nodes = surface.sections, surface.nodes
+    strips, p = len(sections) - 1, sections.shape[1]
+    nose, tail = nodes[sections[:, p - p // 2]], nodes[sections[:, 0]]
+    chord = tail - nose
+    of_point = np.einsum("kpc,kc->kp", nodes[sections] - nose[:, None], chord) / np.sum(chord**2, axis=1)[:, None]
+    of_panel = 0.5 * (of_point + np.roll(of_point, -1, axis=1))
+    share = 0.5 * (of_panel[:-1] + of_panel[1:])
+    points = nodes[sections] + np.roll(nodes[sections], -1, axis=1)
+    across = points[1:] - points[:-1]
+    return np.arange(2 * strips * p), np.repeat(share.ravel(), 2), np.repeat(across.reshape(-1, 3), 2, axis=0)

@@ -138,6 +138,22 @@ def _places(side: Side, count: int, spacing: str, growth: float) -> np.ndarray:
     return found
 
 
+def self_crossing(points: np.ndarray) -> tuple[float, ...]:
+    """Places x at which sides of the polygon of points (n,2) cross sides that are not their neighbours, rising."""
+    a, b = points, np.roll(points, -1, axis=0)
+    along = b - a
+
+    def turned(start: np.ndarray, to: np.ndarray) -> np.ndarray:
+        way = to[None, :] - start[:, None]
+        return along[:, None, 0] * way[..., 1] - along[:, None, 1] * way[..., 0]
+
+    first, last = turned(a, a), turned(a, b)
+    parted = first * last < 0.0
+    rows, others = np.nonzero(np.triu(parted & parted.T, 2))
+    share = first.T[rows, others] / (first.T - last.T)[rows, others]
+    return tuple(sorted((a[rows, 0] + share * along[rows, 0]).tolist()))
+
+
 def _moved_to(places: np.ndarray, through: Sequence[float]) -> np.ndarray:
     """Places (k,) of the points of a side, moved so that one stands at each of `through`; its ends are at 0 and 1
     already. ValueError where the points are too few for that.

@@ -13,7 +13,7 @@ from .mesh import Parts, TriangleMesh
 
 CLOSE = 1e-9  # of the longer one, within which two diagonals are alike
 TILT = 0.6  # weight of z beside x where diagonals are alike; any will do that treats both sides of the wing the same
-_NOTHING = np.zeros((0, 3)), np.zeros((0, 3), dtype=int)
+_NO_COLUMN = np.zeros(1, dtype=int)
 
 
 def ram_air_mesh(
@@ -23,6 +23,7 @@ def ram_air_mesh(
     rows: int = 4,
     attachments: Mapping[str, float] | None = None,
     tips: bool = False,
+    bars: bool = False,
     label: str = "ram-air wing",
 ) -> TriangleMesh:
     """Skin and ribs of a closed wing of `panels` (m,4), a triangle repeating its last node, on `nodes` (n,3) m.
@@ -33,7 +34,8 @@ def ram_air_mesh(
     the first and the last of the rows, which are not filled. Triangles of panel k are 2k and 2k + 1 as far as all are
     quads. Parts: the triangles "skin", "ribs" and "rib_1" ... in the order of `ribs`; the lines "rib_1" ... round them;
     and for every name of `attachments` the points "name" on all ribs and "name_1" ... on each, the nodes of the lower
-    side that are nearest to a share of the chord, 1 being the trailing edge.
+    side that are nearest to a share of the chord, 1 being the trailing edge; with `bars` also the lines
+    "reinforcement_name" from these up the columns of the ribs to the upper side, and "reinforcement", all of them.
 
     ValueError for rows of fewer than four nodes, less than one side in a column, shares that are none, and two
     attachments at one node.
@@ -44,10 +46,12 @@ def ram_air_mesh(
     places, triangles, parts = [nodes], [skin], {"skin": np.arange(len(skin))}
     line_parts: Parts = {}
     lines: list[np.ndarray] = []
+    columns: dict[int, np.ndarray] = {}
     count, at = len(nodes), len(skin)
     for k, rib in enumerate(ribs):
         closed = tips and k in (0, len(ribs) - 1)
-        inner, filled = _rib(nodes, np.asarray(rib), rows, count) if not closed else _NOTHING
+        inner, filled, upright = _rib(nodes, np.asarray(rib), rows, count) if not closed else _across(rib)
+        columns |= {int(column[0]): column for column in upright}
         places.append(inner)
         triangles.append(filled)
         if not closed:
@@ -57,9 +61,24 @@ def ram_air_mesh(
         lines.append(sides)
         count, at = count + len(inner), at + len(filled)
     parts["ribs"] = np.arange(len(skin), at)
+    points = attachment_nodes(nodes, ribs, attachments or {})
+    if bars:
+        _add_bars(lines, line_parts, columns, {name: points[name] for name in attachments or {}})
     every = np.concatenate([np.zeros((0, 2), dtype=int), *lines])
-    points = _attached(nodes, ribs, attachments or {})
     return TriangleMesh(np.concatenate(places), np.concatenate(triangles), every, parts, line_parts, points, label)
+
+
+def _add_bars(lines, line_parts, columns, attached):
+    """Adds to `lines` and `line_parts` the sides of the `columns` that begin at the nodes `attached`, by name."""
+    begin = sum(map(len, lines))
+    at = begin
+    for name, nodes in attached.items():
+        found = [np.stack([c[:-1], c[1:]], axis=1) for c in (columns.get(int(n), _NO_COLUMN) for n in nodes)]
+        count = sum(map(len, found))
+        line_parts[f"reinforcement_{name}"] = at + np.arange(count)
+        lines += found
+        at += count
+    line_parts["reinforcement"] = np.arange(begin, at)
 
 
 def _round(rib):
@@ -70,8 +89,10 @@ def _round(rib):
     return sides[sides[:, 0] != sides[:, 1]]
 
 
-def _attached(nodes, ribs, shares):
-    """Name -> nodes of the attachments, all of a row and one by one."""
+def attachment_nodes(nodes: np.ndarray, ribs: Sequence[np.ndarray], shares: Mapping[str, float]) -> Parts:
+    """Name -> nodes of the attachments at `shares` of the chord: of each row on every rib, "name_1" ..., and all of it,
+    "name"; ValueError as `ram_air_mesh`.
+    """
     points: Parts = {}
     for name, share in shares.items():
         if not 0.0 <= share <= 1.0:
@@ -114,7 +135,7 @@ def _split(nodes, panels):
 
 
 def _rib(nodes, rib, rows, first):
-    """Inner nodes (i,3) m of a rib, numbered from `first`, and its triangles (t,3)."""
+    """Inner nodes (i,3) m of a rib, numbered from `first`, its triangles (t,3) and its columns from the bottom up."""
     p = len(rib)
     pairs = np.stack([rib[p - np.arange(1, (p + 1) // 2)], rib[1 : (p + 1) // 2]], axis=1)
     height = np.linalg.norm(nodes[pairs[:, 1]] - nodes[pairs[:, 0]], axis=1)
@@ -130,7 +151,16 @@ def _rib(nodes, rib, rows, first):
     if p % 2 == 0:
         columns.append(rib[p // 2 : p // 2 + 1])
     triangles = [_between(one, other) for one, other in pairwise(columns)]
-    return np.concatenate(inner), np.concatenate(triangles)
+    return np.concatenate(inner), np.concatenate(triangles), columns
+
+
+def _across(rib):
+    """The same of a rib that the panels of a cap close, whose sides run from the lower to the upper side, or that is
+    sewn and has none.
+    """
+    opposite = zip(rib[:0:-1], rib[1:], strict=True)
+    columns = [np.array(pair) for pair in list(opposite)[: (len(rib) - 1) // 2] if pair[0] != pair[1]]
+    return np.zeros((0, 3)), np.zeros((0, 3), dtype=int), columns
 
 
 def _between(one, other):

@@ -13,7 +13,7 @@ from aero.panel.bodies import Body, BodyError
 from interface.topology import agreed, listed
 
 from ..builders.parafoils import STEEPEST, cell_widths, parafoil, rib_shares
-from ..builders.profiles import Profile, cst, naca
+from ..builders.profiles import Profile, cst, naca, self_crossing
 from ..builders.wings import BoxWing, ClosedSurface, Planform, Stations, lofted, mirrored_wing, span_shares
 from ..schema import BodyInput, SceneError, Wrong, a_file
 from .coordinates import read_profile
@@ -22,7 +22,7 @@ from .tables import Table, chord_length, number, read_table
 
 PROFILE = ("profile", "upper_weights", "lower_weights", "panels", "panel_spacing", "panel_growth")
 WING = ("strips", "tip", "tip_strips", "axis")
-CELLS = ("cells", "equal_cells", "last_cell")
+CELLS = ("cells", "equal_cells", "last_cell", "inlets")
 PLANFORM = ("span", "chord", "tip_chord", "planform", "sweep", "twist", "dihedral", "arc", "strip_spacing")
 BOX = ("span", "chord", "height", "corner_radius", "strips", "plate_strips", "corner_strips", "strip_spacing")
 FILE = ("mesh", "unit", "groups", "trailing_edges")
@@ -162,6 +162,11 @@ def _planform(where: str, given: BodyInput) -> Planform:
 
 def _parafoil(folder: Path, where: str, given: BodyInput, rows: Sequence[float]) -> ClosedSurface:
     """The parafoil of a planform with cells, or of a table of ribs."""
+    if given.inlets == "open":
+        raise SceneError(
+            f"{where} inlets cannot be open: the flow needs a closed surface; close them, and say the pressure behind "
+            "them as internal_pressure_coefficient of [aero]."
+        )
     of = _ribs_of_planform if given.stations is None else _ribs_of_table
     ribs, strips, remarks = of(folder, where, given, rows)
     _check_count(where, 2 * strips * (len(ribs) - 1), ribs.shape[1])
@@ -191,7 +196,10 @@ def _ribs_of_table(
     folder: Path, where: str, given: BodyInput, rows: Sequence[float]
 ) -> tuple[np.ndarray, int, tuple[str, ...]]:
     """The same of a table of ribs."""
-    needed, known = ("stations", "strips", "panels"), ("panels", "panel_spacing", "panel_growth", "stations", *WING)
+    needed, known = (
+        ("stations", "strips", "panels"),
+        ("panels", "panel_spacing", "panel_growth", "stations", "inlets", *WING),
+    )
     file, strips, panels = _required(where, given, needed, known, "a parafoil with a table of ribs")
     table = read_table(folder / file, STATIONS)
     _check_ribs(table)
@@ -331,7 +339,13 @@ def _named_profile(folder: Path, where: str, text: str) -> Profile:
 
 def _points(given: BodyInput, panels: int, profile: Profile, rows: Sequence[float] = ()) -> np.ndarray:
     """Points (panels,2) round the profile, some of them at the shares `rows` of its chord."""
-    return profile.points(panels, given.panel_spacing, 0.01 * given.panel_growth, rows)
+    points = profile.points(panels, given.panel_spacing, 0.01 * given.panel_growth, rows)
+    if crossing := self_crossing(points):
+        raise ValueError(
+            f"profile {profile.name} crosses itself, at {crossing[0]:.3g} of the chord; its upper and lower side may "
+            "only meet at nose and trailing edge: correct it."
+        )
+    return points
 
 
 # Files

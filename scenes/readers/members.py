@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from structural import Chains
 
+from ..builders.bridles import PILOT
 from ..checks import free_line_ends
 from ..interface import Interface
 from ..members import Members, PointLoad
@@ -52,7 +53,10 @@ def read_members(
     check_membrane_settings(folder, offered, membranes)
     labels, nodes, fixed = _nodes(folder, structure, membranes)
     if bridle is not None:
-        labels, nodes, fixed, membranes = _with_bridle(folder, bridle, surface, membranes, labels, nodes, fixed)
+        from .bridles import bridle_lines, read_bridle  # not loaded for scenes without
+
+        hung = read_bridle(folder, bridle, surface)
+        labels, nodes, fixed, membranes = _with_bridle(folder, bridle, hung, membranes, labels, nodes, fixed)
     wing = None
     if structure.tubes:
         mesh = choices.canopy_stations, choices.canopy_subdivisions
@@ -78,7 +82,7 @@ def read_members(
         if getattr(structure, key)
     ]
     if bridle is not None:
-        declared.append(_bridle_lines(folder, bridle, structure, surface, table_index, nodes))
+        declared.append(bridle_lines(folder, hung, structure, table_index, nodes))
     for element, where in chain(*declared, () if placed is None else placed.cables):
         if element.name in taken:
             raise SceneError(f"{where}: the name '{element.name}' stands already in {taken[element.name]}; rename.")
@@ -91,15 +95,7 @@ def read_members(
             elements.append(Element(label, ends, l0, k, 0.0, False, 0.0, True))
     if not elements and placed is None:
         raise SceneError(f"{folder.name}/scene.toml: [structure] names no springs, canopy or lines; add a table.")
-    mass = np.zeros(len(nodes))
-    of_wing = np.zeros(len(nodes))
-    if wing is not None:
-        of_wing[: len(wing.nodes)] = wing_masses(folder, structure, wing)
-    for e in elements:
-        share = mass_shares(nodes[list(e.nodes)]) * e.mass
-        np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
-    if structure.masses:
-        point_masses(folder / structure.masses, table_index, mass)
+    mass, of_wing = _masses(folder, structure, bridle, wing, elements, table_index, nodes)
     skin = None if placed is None else placed.membranes
     if skin is not None:
         mass = mass + skin.group.nodal_masses(len(nodes))
@@ -110,23 +106,32 @@ def read_members(
     return members if choices.scale == 1.0 else _scaled(members, float(choices.scale))
 
 
-def _with_bridle(folder, bridle, surface, membranes, labels, nodes, fixed):
-    """Labels, places and supports of the nodes of the tables and of a bridle; the membranes with where it begins."""
-    from .bridles import bridle_nodes  # not loaded for scenes without
+def _masses(folder, structure, bridle, wing, elements, index, nodes):
+    """Masses (n,) kg that elements, control unit and the table bring, and those of springs and canopy."""
+    mass = np.zeros(len(nodes))
+    of_wing = np.zeros(len(nodes))
+    if wing is not None:
+        of_wing[: len(wing.nodes)] = wing_masses(folder, structure, wing)
+    for e in elements:
+        share = mass_shares(nodes[list(e.nodes)]) * e.mass
+        np.add.at(of_wing if e.two_way else mass, list(e.nodes), share)
+    if bridle is not None:
+        mass[index[PILOT]] += bridle.control_unit_mass
+    if structure.masses:
+        point_masses(folder / structure.masses, index, mass)
+    return mass, of_wing
 
-    more, places, held = bridle_nodes(bridle, surface)
-    if twice := set(more) & set(labels):
+
+def _with_bridle(folder, given, lines, membranes, labels, nodes, fixed):
+    """Labels, places and supports of the nodes of the tables and of a bridle; the membranes with where it begins."""
+    if twice := lines.nodes.keys() & set(labels):
         raise SceneError(
             f"{folder.name}/scene.toml: [bridle] has a node '{min(twice)}' of its own; rename that of the table."
         )
-    membranes = replace(membranes, attachments=membranes.attachments | bridle.rows)
-    return (*labels, *more), np.concatenate([nodes, places]), np.concatenate([fixed, held]), membranes
-
-
-def _bridle_lines(folder, bridle, structure, surface, index, nodes):
-    from .bridles import bridle_lines
-
-    return bridle_lines(folder, bridle, structure, len(surface.ribs), index, nodes)
+    held = np.array([[name in lines.held] * 3 for name in lines.nodes])
+    membranes = replace(membranes, attachments=membranes.attachments | given.rows)
+    places = np.array(list(lines.nodes.values()))
+    return (*labels, *lines.nodes), np.concatenate([nodes, places]), np.concatenate([fixed, held]), membranes
 
 
 def _bending(folder, structure, index, nodes):

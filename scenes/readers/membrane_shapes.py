@@ -23,7 +23,7 @@ SIZES: dict[str, tuple[tuple[str, ...], str, tuple[str, ...], tuple[str, ...]]] 
     "cylinder": (("radius", "length"), "cells_around", (), ("share", "diagonals", "caps")),
     "sphere": (("radius",), "", (), ("share",)),
     "ruled": ((), "cells_along", (), ("diagonals", "profiles")),
-    "body": ((), "", ("rib_rows",), ("attachments",)),
+    "body": ((), "", ("rib_rows",), ("attachments", "panel_shortening")),
 }
 MOST = 500_000  # cells, of which a machine has solved as many as fit into its memory long before
 STEPS = (6, 4, 10)  # of the cells around a cylinder, which its caps need
@@ -48,11 +48,19 @@ def made_mesh(
     if shape == "ruled" and given.profiles is None:
         raise SceneError(f"{where}] lacks 'profiles', the table of the profiles of a ruled surface; add it.")
     defaults = MembranesInput()
-    for key in ("share", "diagonals", "caps", "profiles", "attachments"):
+    for key in ("share", "diagonals", "caps", "profiles", "attachments", "panel_shortening"):
         if key not in keys and getattr(given, key) != getattr(defaults, key):
             raise SceneError(f"{where}] {key} means nothing to a {shape}; drop it.")
     whole = {key: _count(f"{where}.size] {key}", given.size[key]) for key in known[len(sizes) :] if key in given.size}
-    options = {key: getattr(given, key) for key in keys if key != "profiles"} | {"order": order}
+    options = {key: getattr(given, key) for key in keys if key not in ("profiles", "panel_shortening")} | {
+        "order": order
+    }
+    if shape == "body":
+        options["bars"] = any(
+            group.startswith("reinforcement")
+            for name, cable in given.cables.items()
+            for group in cable.group or (name,)
+        )
     lengths: list[Any] = [given.size[key] for key in sizes]
     if shape == "ruled":
         assert given.profiles is not None
@@ -142,7 +150,7 @@ def _body(lengths: Any, cells: Any, whole: Any, options: Any) -> TriangleMesh:
         raise ValueError(f"{strips} strips of the wing are no whole number of each of {cells[0]} cells.")
     ribs = list(rows[:: strips // cells[0]] if surface.ribs is None else rows[surface.ribs])
     return ram_air_mesh(
-        surface.nodes, surface.panels, ribs, whole.get("rib_rows", 4), options["attachments"], True, "ram-air wing"
+        surface.nodes, surface.panels, ribs, whole.get("rib_rows", 4), options["attachments"], True, options["bars"]
     )
 
 

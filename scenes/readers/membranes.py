@@ -15,6 +15,7 @@ from structural.materials.membranes import LinearMembrane
 
 from ..builders.mesh import TriangleMesh, quadratic
 from ..builders.mesh_checks import check_closed, check_pattern, check_pressurised, check_supports
+from ..builders.parafoils import panels_across
 from ..builders.patterns import fibre_angles, laid_flat, pattern_lengths, pattern_of_lengths, shortened
 from ..builders.topology import boundary_edges
 from ..builders.wings import ClosedSurface
@@ -28,7 +29,7 @@ from .tables import positive, read_table, whole
 ISOTROPIC = ("stiffness", "modulus", "thickness", "poisson")
 ORTHOTROPIC = ("stiffness_warp", "stiffness_weft", "shear_stiffness", "poisson_warp")
 ONLY_FILE = ("unit", "groups", "drop_loose_nodes", "parts_may_be_apart")
-ONLY_SHAPE = ("size", "profiles", "attachments")
+ONLY_SHAPE = ("size", "profiles", "attachments", "panel_shortening")
 IN_PLANE = 1e-9  # of the extent of the mesh, within which an edge lies in a plane of symmetry
 
 
@@ -75,7 +76,7 @@ def read_membranes(
         fixed[at] |= held
         supports.append(MembraneSupport(name, at, held))
     cables = tuple(found for name, cable in given.cables.items() for found in _cables(where, name, cable, mesh, place))
-    group, fabric = _group(folder, given, choices, mesh, place)
+    group, fabric = _group(folder, given, choices, mesh, place, surface)
     if alone:
         check_supports(mesh, fixed[place], hanging=dead)
     pressures = tuple(_pressures(where, given, mesh, place, fixed[place]))
@@ -162,7 +163,12 @@ def _labels(mesh: TriangleMesh, own: np.ndarray, taken: Sequence[str]) -> list[s
 
 
 def _group(
-    folder: Path, given: MembranesInput, choices: Choices, mesh: TriangleMesh, place: np.ndarray
+    folder: Path,
+    given: MembranesInput,
+    choices: Choices,
+    mesh: TriangleMesh,
+    place: np.ndarray,
+    surface: ClosedSurface | None = None,
 ) -> tuple[Membranes, np.ndarray]:
     """The elements, and the number (e,) of the fabric that each is of."""
     where = f"{folder.name}/scene.toml: [membranes"
@@ -173,6 +179,8 @@ def _group(
     wrinkling = given.wrinkling if choices.wrinkling is None else choices.wrinkling == "on"
     law = LinearMembrane(e1, e2, nu, g, wrinkling)
     pattern, angle = _pattern(folder, given, mesh), np.zeros(len(of))
+    if given.panel_shortening and surface is not None:
+        pattern = _narrowed(f"{where}] panel_shortening", given.panel_shortening, mesh, pattern, surface)
     for k, (name, fabric) in enumerate(given.fabrics.items()):
         rows = np.flatnonzero(of == k)
         cut = _cut(f"{where}.fabrics.{name}]", fabric, _only(mesh, rows), pattern[rows])
@@ -274,6 +282,29 @@ def _pattern(folder: Path, given: MembranesInput, mesh: TriangleMesh) -> np.ndar
         seen.add(number)
         lengths[row_of[number]] = [table[key][row] for key in list(columns)[1:]]
     return pattern_of_lengths(lengths, replace(mesh, label=f"{folder.name}/{given.patterns}"))
+
+
+def _narrowed(
+    where: str,
+    shortening: Sequence[tuple[float, float]],
+    mesh: TriangleMesh,
+    pattern: np.ndarray,
+    surface: ClosedSurface,
+) -> np.ndarray:
+    """The cut with the panels of a wing narrower across the span, by `shortening` per cent at shares of the chord."""
+    shares, percent = np.array(shortening).T
+    if np.any(np.diff(shares) <= 0.0) or shares[0] < 0.0 or shares[-1] > 1.0:
+        raise SceneError(f"{where}: shares of the chord must rise from 0, the nose, to 1; correct their order.")
+    if percent.max() >= 100.0:
+        raise SceneError(
+            f"{where} of {percent.max():g} % is more than the panel is wide; give less than 100 % of the width."
+        )
+    rows, share, across = panels_across(surface)
+    factor = 1.0 - 0.01 * np.interp(share, shares, percent)
+    narrow = _only(mesh, rows)
+    pattern = pattern.copy()
+    pattern[rows] = shortened(pattern[rows], factor, 1.0, fibre_angles(narrow, pattern[rows], across))
+    return pattern
 
 
 def _cut(where: str, fabric: FabricInput, mesh: TriangleMesh, pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

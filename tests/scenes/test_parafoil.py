@@ -1,11 +1,15 @@
 """Parafoils: the geometry that the published figures of the 160 m2 kite ask for, its ribs, cells and lines."""
 
+import re
+import shutil
+
 import numpy as np
 import pytest
 
 import scenes
 from interface.mirror import canonical_faces, mirror_permutation, mirror_rows
-from scenes.builders.parafoils import cell_widths, parafoil, rib_shares
+from scenes.builders.bridles import rib_groups
+from scenes.builders.parafoils import cell_widths, panels_across, parafoil, rib_shares
 from scenes.builders.profiles import naca
 from scenes.readers.bodies import read_body
 
@@ -159,3 +163,138 @@ def test_fewer_than_three_ribs_are_no_parafoil():
     section = np.zeros((1, 10, 3))
     with pytest.raises(ValueError, match="three ribs at least"):
         parafoil(section, 2)
+
+
+# Ribs of a table, cuts, bands, and what a bridle may have besides straight lines
+
+
+def changed(tmp_path, *changes, name="parafoil_small"):
+    """The scene with parts of its scene.toml replaced."""
+    folder = shutil.copytree(scenes.load(name).folder, tmp_path / "kite")
+    text = (folder / "scene.toml").read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    (folder / "scene.toml").write_text(text)
+    return scenes.load(folder)
+
+
+def test_ribs_of_a_table_make_the_same_wing_as_the_planform_that_has_them(tmp_path):
+    shares = rib_shares(cell_widths(5, 1, 0.35))
+    arc = np.radians(60.0)
+    radius = 4.5 / arc
+    rows = [
+        f"0,{radius * np.sin(s * arc)!r},{radius * (np.cos(s * arc) - 1.0)!r},"
+        f"{4.0 * np.sqrt(1.0 - (1.0 - 0.25**2) * s**2)!r},0,{-60.0 * s!r},naca 0018"
+        for s in map(float, shares)
+    ]
+    folder = shutil.copytree(scenes.load("parafoil_small").folder, tmp_path / "kite")
+    head = "x_m,y_m,z_m,chord_m,twist_deg,roll_deg,profile"
+    (folder / "ribs.csv").write_text("\n".join([head, *rows]).replace("np.float64(", "").replace(")", "") + "\n")
+    text = (folder / "scene.toml").read_text()
+    planform = re.compile(r'profile = "naca.*?last_cell = [\d.]+\n', re.DOTALL)
+    table = 'stations = "ribs.csv"\naxis = 0.35\ntip = "sewn"\n'
+    (folder / "scene.toml").write_text(planform.sub(table, text))
+    made, own = scenes.load(folder), scenes.load("parafoil_small")
+    assert np.array_equal(made.interface.panels, own.interface.panels)
+    assert made.interface.nodes == pytest.approx(own.interface.nodes, abs=1e-12)
+
+
+def test_panel_shortening_takes_its_share_off_every_width_and_nothing_off_the_length(tmp_path):
+    plain = scenes.load("parafoil_small")
+    law = [[0.0, 2.0], [0.5, 10.0], [1.0, 4.0]]
+    cut = changed(tmp_path, ('shape = "body"', f'shape = "body"\npanel_shortening = {law}'))
+    before, after = (s.members.membranes.group.pattern for s in (plain, cut))
+    skin = 2 * 480
+
+    def areas(pattern):
+        (a, b) = (pattern[:, k] - pattern[:, 0] for k in (1, 2))
+        return 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+    share = areas(after) / areas(before)
+    assert share[skin:] == pytest.approx(1.0, abs=1e-13)  # ribs keep theirs
+    assert share[:skin].min() > 0.9
+    assert share[:skin].max() < 0.98
+    found = surface(plain)
+    rows, at, _ = panels_across(found)
+    assert share[rows] == pytest.approx(1.0 - 0.01 * np.interp(at, *np.array(law).T), abs=1e-12)
+    assert cut.interface.nodes == pytest.approx(plain.interface.nodes, abs=0.0)  # the flow starts on the same surface
+
+
+def test_bands_run_from_where_lines_begin_up_the_ribs_along_sides_of_the_mesh(tmp_path):
+    scene = changed(
+        tmp_path,
+        (
+            "[membranes.fabrics.cloth]",
+            "[membranes.cables.reinforcement]\naxial_stiffness = 1e5\n\n[membranes.fabrics.cloth]",
+        ),
+    )
+    members = scene.members
+    bands = [k for k, name in enumerate(members.names) if name.startswith("reinforcement_")]
+    (chains,) = members.chains
+    triangles = members.membranes.group.nodes
+    sides = {tuple(sorted(pair)) for t in triangles.tolist() for pair in ((t[0], t[1]), (t[1], t[2]), (t[2], t[0]))}
+    ends = chains.nodes[bands]
+    assert all(tuple(sorted(pair)) in sides for pair in ends.tolist())
+    begin = {members.labels.index(f"{row}_{rib}") for row in "ABCD" for rib in range(2, 11)}  # the tips are sewn
+    below, above = set(ends[:, 0].tolist()), set(ends[:, 1].tolist())
+    assert below - above == begin
+    assert (above - below) <= set(members.membranes.skin.tolist())
+    # a band is straight: as long as its rib is high there
+    assert chains.l0[bands].sum() == pytest.approx(
+        sum(
+            np.linalg.norm(members.nodes[i] - members.nodes[j])
+            for i, j in zip(sorted(begin), [tops(ends, n) for n in sorted(begin)], strict=True)
+        ),
+        rel=1e-12,
+    )
+
+
+def tops(ends, node):
+    """The upper end of the chain of ends (k,2) that begins at a node."""
+    after = dict(ends.tolist())
+    while node in after:
+        node = after[node]
+    return node
+
+
+def test_cascades_and_belts_join_lines_alike_on_both_sides(tmp_path):
+    scene = changed(
+        tmp_path, ("depth =", "cascade = 2\ncascade_share = 0.6\nbelt_ribs = 1\nbelt_diameter = 0.004\ndepth =")
+    )
+    members = scene.members
+    labels = set(members.labels)
+    assert {"belt_left", "belt_right", "A_2_3", "A_4_5", "D_7_8", "D_9_10"} <= labels
+    pilot = members.nodes[scene.pivot]
+    of = {
+        name: members.nodes[members.labels.index(name)] for name in ("C_9", "C_10", "C_9_10", "belt_right", "belt_left")
+    }
+    assert of["C_9_10"] == pytest.approx(pilot + 0.6 * (0.5 * (of["C_9"] + of["C_10"]) - pilot), abs=1e-12)
+    assert of["belt_left"] == pytest.approx(of["belt_right"] * [1.0, -1.0, 1.0], abs=1e-12)
+    assert mirror_permutation(members.nodes) is not None
+    at_pilot = [name for name, e in zip(members.names, members.chains[0].nodes, strict=True) if scene.pivot in e]
+    assert sorted(at_pilot) == sorted(
+        [f"{row}{part}" for row in "ABCD" for part in ("_2_3", "_4_5", "_6", "_7_8", "_9_10")]
+        + ["belt_left", "belt_right"]
+    )
+    assert rib_groups(9, 3) == [(0,), (1, 2, 3), (4,), (5, 6, 7), (8,)]
+
+
+def test_a_tether_holds_the_kite_at_the_ground_and_carries_the_control_unit(tmp_path):
+    scene = changed(
+        tmp_path,
+        (
+            "depth =",
+            "control_unit_mass = 30.0\ntether_length = 1000.0\ntether_diameter = 0.014\ntether_elements = 40\ndepth =",
+        ),
+    )
+    members, plain = scene.members, scenes.load("parafoil_small").members
+    ground = members.labels.index("ground")
+    assert np.flatnonzero(members.fixed.any(axis=1)).tolist() == [ground]
+    assert members.nodes[scene.pivot] - members.nodes[ground] == pytest.approx([0.0, 0.0, 1000.0], abs=1e-9)
+    (chains,) = members.chains
+    tether = [k for k, name in enumerate(members.names) if name.startswith("tether_")]
+    assert chains.l0[tether] == pytest.approx(25.0, abs=1e-10)
+    assert (chains.k * chains.l0)[tether] == pytest.approx(12.87e6, rel=1e-3)  # 83.6 GPa x pi / 4 (14 mm)^2
+    assert members.mass[scene.pivot] == pytest.approx(30.0, abs=1e-12)  # lines weigh nothing here
+    assert members.mass.sum() == pytest.approx(plain.mass.sum() + 30.0, abs=1e-9)
