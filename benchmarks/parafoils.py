@@ -57,6 +57,17 @@ def meshes(quick):
     )
 
 
+def picture(path):
+    """The membranes of the coarse mesh at 10 m/s as SVG."""
+    from master.report.figures import rendered
+    from master.report.membranes import membrane_figure, membrane_state
+
+    coupling, end = flown(LARGE, {"variant": "coarse"}, wind_speed=10.0)
+    structure = coupling.structural
+    found = membrane_state(scenes.load(LARGE).members, {name: structure.get(name) for name in structure.blocks})
+    path.write_bytes(rendered(membrane_figure(found, "Parafoil of 160 m2, wind 10 m/s", end.status))["svg"])
+
+
 def speeds(quick):
     """The rise of the coefficients with the wind: the wing swells."""
     of = (SMALL, None) if quick else (LARGE, {"variant": "coarse"})
@@ -131,7 +142,7 @@ def schemes(quick):
 
 
 ENTRIES = (
-    Table("parafoil.meshes", "Parafoil of 160 m2: meshes and winds, untuned", meshes),
+    Table("parafoil.meshes", "Parafoil of 160 m2: meshes and winds, untuned", meshes, picture),
     Table("parafoil.winds", "Parafoil of 160 m2, coarse: winds", speeds),
     Table("parafoil.trims", "Small parafoil: trims, and the rate of the explicit scheme", trims),
     Table("parafoil.schemes", "Parafoil of 160 m2, coarse: coupling schemes at 10 m/s", schemes),
