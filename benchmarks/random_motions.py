@@ -5,7 +5,7 @@ taut; (kind, rng, folder) -> the scene in `folder` and how long its steps are.
 import numpy as np
 
 GRAVITY, MODULUS = 9.81, 1e9
-STEPS = 100
+STEPS = 60
 SCHEMES = ("generalised-alpha", "generalised-alpha", "bdf2", "implicit-euler")
 # Steps in a period of the fastest element, at most; of lines that jerk taut there is less than one, so that the scheme
 # does not resolve them.

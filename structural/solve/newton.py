@@ -61,7 +61,7 @@ class Newton:
     the first grows where step after step meets it, if it is `growing` (see LIMITED_STEPS): such a solve goes far, and
     of several equilibria it may come to a farther one.
 
-    Converged is ||r|| <= atol + rtol ||external||, or ||r|| no more than what rounding leaves.
+    Converged is ||r|| <= atol + rtol ||external||, atol or what rounding leaves if that is more.
     """
 
     def __init__(self, problem: Problem, at: Any, atol: float, rtol: float, step_limit: float, growing: bool = False):
@@ -83,7 +83,7 @@ class Newton:
             return "converged"
         if not np.isfinite(self.norm):
             return "not_finite"
-        if self.norm <= self._rounding():
+        if self.norm <= self._rounding() + self.rtol * self.external:
             return "converged"
         return "stalled" if self._rejected > MAX_REJECTIONS else "max_iterations"
 
