@@ -27,6 +27,7 @@ from master.report import (
     LABELS,
     RESULTS,
     TABLES,
+    drag_results,
     membrane_results,
     missing_libraries,
     print_table,
@@ -190,6 +191,9 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     membranes = membrane_results(scene.members, run.blocks["structural"])
     if membranes is not None:
         content["membranes"] = membranes
+    drag = drag_results(scene, run.blocks["aero"])
+    if drag is not None:
+        content["drag"] = drag
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = set_up
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape

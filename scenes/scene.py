@@ -364,6 +364,14 @@ class Scene:
         """What was found for parameters."""
         return {}
 
+    def _require_held(self, fixed: np.ndarray) -> None:
+        """SceneError for a kite that hangs on a tether, which would be turned with it."""
+        if not fixed.all():
+            raise SceneError(
+                f"{self.name}: a kite on a tether starts as it is drawn, in a wind that is turned to it; give "
+                "start_angle in deg (the trim that it finds with tether_length = 0 is a good one), or trim_angle."
+            )
+
     def trim_notes(self, parameters: Mapping[str, Any]) -> list[str]:
         """A sentence on further attitudes in which the rigid wing would not pitch, where a start was looked for with
         these parameters and there are some.
@@ -393,5 +401,7 @@ class Scene:
             given |= {"start_azimuth": turned} if turned else {}
         if "trim_angle" not in given:
             turned = self.choices.start_angle  # of the wind: the wing starts in it as it is drawn
+            if not turned and self.body is not None and self.pivot is not None:
+                self._require_held(self.members.fixed[self.pivot])
             given["trim_angle"] = 0.0 if turned else self.trim_angle(given, cores)
         return given

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from master.report.console import print_table, print_written
+from master.report.drag import drag_results
 from master.report.membranes import membrane_results
 from master.report.state import final_state, status_text
 from master.report.tables import result_rows, summary, versions, write_history, write_json, write_state, write_whole
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = [
     "LABELS",
     "RESULTS",
+    "drag_results",
     "final_state",
     "membrane_results",
     "missing_libraries",

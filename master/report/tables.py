@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from master.report.drag import drag_rows
 from master.report.loading import span_loading
 from master.report.membranes import element_table, membrane_rows, membrane_state, seam_table
 from master.report.panels import panel_loads
@@ -265,6 +266,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         with_lines = ", with lines" if "line_force" in aero else ""
         after = 1 + [name for name, _ in rows].index("C_L, C_D")
         rows.insert(after, (f"lift over drag{with_lines}", f"{float(aero['glide_ratio']):.3f}"))
+        rows[after + 1 : after + 1] = drag_rows(scene, aero)
     tension = structural.get("tension", np.zeros(0))
     lines = scene.members.names
     one_way = scene.members.lines
