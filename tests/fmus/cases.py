@@ -10,7 +10,8 @@ import scenes
 # Meshes on which a first solve takes a second instead of some.
 COARSE = {name: {"canopy_stations": 2} for name in ("v3_hanging_test", "v3_kite_detailed")}
 COARSE |= {"airbag": {"cells": 2}, "hencky": {"cells": 3}}
-COARSE |= {name: {"variant": "sketch"} for name in ("box_wing", "flexible_wing", "swept_wing")}
+COARSE |= {name: {"variant": "sketch"} for name in ("box_wing", "flexible_wing", "parafoil_160", "swept_wing")}
+COARSE |= {"parafoil_small": {}}
 
 
 def _cases():

@@ -322,7 +322,7 @@ def test_the_length_of_the_wind_direction_does_not_matter_however_small_or_large
 def test_a_core_and_its_scene_are_gone_with_their_last_use(name):
     """Without waiting for the collector of circles: meshes, factors and assemblies of fine scenes are large."""
     coarse = {"canopy_stations": 2} if "canopy_stations" in scenes.settings_of(name) else {}
-    scene = scenes.load(name, {"variant": "sketch"} if name in ("box_wing", "swept_wing") else coarse)
+    scene = scenes.load(name, {"variant": "sketch"} if name in ("box_wing", "parafoil_160", "swept_wing") else coarse)
     cores = scene.cores()
     for core in cores.values():
         core.step(0.0, scene.communication_step)
