@@ -14,8 +14,13 @@ COARSE |= {name: {"variant": "sketch"} for name in ("box_wing", "flexible_wing",
 COARSE |= {"parafoil_small": {}}
 
 
+LIKE = {"parafoil_160": "parafoil_small"}  # scenes that differ from another one in numbers only
+
+
 def _cases():
     for name in scenes.available():
+        if name in LIKE:
+            continue
         yield name, COARSE.get(name, {})
         scene = scenes.load(name)
         for key, option in scene.offers.items() if name not in COARSE and not scene.transient else ():
