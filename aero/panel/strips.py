@@ -32,13 +32,12 @@ class Strips:
         panels is furthest from the trailing edge there, and stays on this line when the wing deforms.
         """
         lengths = np.array([len(row) for row in body.strips], dtype=int)
-        strip = np.repeat(np.arange(len(lengths)), lengths)
         panel = np.concatenate([*body.strips, np.zeros(0, int)]).astype(int)
         of_panel = np.full(len(body.panels), -1)
-        of_panel[panel] = strip
+        of_panel[panel] = np.repeat(np.arange(len(lengths)), lengths)
         whole = bool(len(lengths)) and bool((lengths > 0).all())
-        at, same = body.trailing, np.flatnonzero(strip[1:] == strip[:-1])
-        lines, of_line = _shared(body.panels[panel[same]], body.panels[panel[same + 1]]), strip[same]
+        at = body.trailing
+        lines, of_line = _lines_between(body.panels, at[:, 2:], body.strips)
         tails = nodes[at[:, 2:]].mean(axis=1)
         distance = np.linalg.norm(nodes[lines].mean(axis=1) - tails[of_line], axis=1)
         order = np.lexsort((-distance, of_line))
@@ -142,12 +141,22 @@ class Strips:
         return np.where(on.reshape(-1, *[1] * (values.ndim - 1)), per_area[self.of_panel], 0.0)
 
 
-def _shared(one, other):
-    """The two corners (k,2) that panels (k,4) share with others (k,4)."""
-    common = (one[:, :, None] == other[:, None, :]).any(axis=2)
-    common[:, 3] &= one[:, 3] != one[:, 2]
-    order = np.argsort(~common, axis=1, kind="stable")[:, :2]
-    return np.take_along_axis(one, order, axis=1)
+def _lines_between(panels, ends, rows):
+    """The corners (k,2) of the lines between each panel and the next in `rows` of quads that begin at the edges `ends`
+    (s,2), and the row of each (k,). A line is opposite the one before in its quad: the two that meet over a sewn tip
+    have a side along it in common too.
+    """
+    lengths = np.array([len(row) for row in rows], dtype=int)
+    row, line = np.arange(len(rows)), ends
+    lines, of_line = [np.zeros((0, 2), dtype=int)], [row[:0]]
+    for step in range(lengths.max(initial=1) - 1):
+        on = lengths[row] > step + 1
+        row, line = row[on], line[on]
+        quad = panels[np.array([rows[i][step] for i in row], dtype=int)]
+        line = quad[~(quad[:, :, None] == line[:, None, :]).any(axis=2)].reshape(-1, 2)
+        lines.append(line)
+        of_line.append(row)
+    return np.concatenate(lines), np.concatenate(of_line)
 
 
 def section_drag(polars, lift):

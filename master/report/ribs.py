@@ -204,18 +204,29 @@ class _Grid:
 
 
 def _between(one: Rib, other: Rib, grid: _Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Quads (s,p) of a cell, from one rib to the other, and the rows (s+1,p) of nodes between; empty without a cell."""
+    """Quads (s,p) of a cell, from one rib to the other, and the rows (s+1,p) of nodes between; empty without a cell.
+
+    Round tips that are rows of quads themselves there is a second, longer way: that over the rest of the wing.
+    """
+    ways = [_way(one, other, grid, turned) for turned in (False, True)]
+    found = [way for way in ways if len(way[0])]
+    return min(found, key=lambda way: len(way[0])) if found else ways[0]
+
+
+def _way(one: Rib, other: Rib, grid: _Grid, turned: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Quads (s,p) and rows (s+1,p) from one rib to the other on that side of it to which its row of nodes, or this
+    row `turned`, has the panels; empty where they do not lead there.
+    """
     sides = np.stack([one.nodes, np.roll(one.nodes, -1)], axis=1)
-    for turned in (False, True):
-        now, quads, rows = sides[:, ::-1] if turned else sides, [], [one.nodes]
-        for _ in range(STRIPS):
-            found, now = grid.across(now)
-            if not len(found):
-                break
-            quads.append(found)
-            rows.append(now[:, 1] if turned else now[:, 0])
-            if np.array_equal(rows[-1], other.nodes):
-                return np.stack(quads), np.stack(rows)
+    now, quads, rows = sides[:, ::-1] if turned else sides, [], [one.nodes]
+    for _ in range(STRIPS):
+        found, now = grid.across(now)
+        if not len(found):
+            break
+        quads.append(found)
+        rows.append(now[:, 1] if turned else now[:, 0])
+        if np.array_equal(rows[-1], other.nodes):
+            return np.stack(quads), np.stack(rows)
     return np.zeros((0, 0), dtype=int), np.zeros((0, 0), dtype=int)
 
 
@@ -329,7 +340,7 @@ def rib_figure(found: list[tuple[Rib, Cell | None]], title: str) -> "Figure":
                 panels.append(axes_at(figure, left + c * (width + gap), at, width, height))
                 at -= 0.3
             where = "mid-span" if abs(rib.arc) < 1e-6 else f"{abs(rib.arc):.2f} m from mid-span"
-            panels[0].set_title(f"{rib.name.replace('_', ' ')} of {len(found)}, {where}", loc="left", pad=3.0)
+            panels[0].set_title(f"{rib.name.replace('_', ' ')}, {where}", loc="left", pad=3.0)
             _draw_profile(panels[0], rib)
             _draw_pressure(panels[1], rib)
             _draw_stress(panels[2], rib, cell)

@@ -1,6 +1,7 @@
 """Ribs and cells of a ram-air wing in what a run leaves: profiles, pressure, stress across the span."""
 
 import csv
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 import scenes
 from master.cli import app
 from master.report.panels import panel_loads
-from master.report.ribs import arc_radius, rib_figure, ribs, shown
+from master.report.ribs import _heights, _middle, arc_radius, rib_figure, ribs, shown
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +85,20 @@ def test_barlow_has_the_pressure_times_the_radius_of_the_arc(sketch):
     heights = 2.0 * naca0018(np.abs(rib.design[:, 0]))
     radius = arc_radius(np.full(len(heights), 0.5), 0.5 * (heights + np.roll(heights, -1)))
     assert cell.barlow == pytest.approx(60.0 * radius, rel=1e-9)
+
+
+def test_the_cells_of_a_parafoil_with_sewn_tips_lie_between_their_own_ribs():
+    """Round sewn tips the rows of quads go on over the other side: the way over the whole wing is no cell."""
+    scene = scenes.load("parafoil_small")
+    core = scene.cores()["structural"]
+    of = found((scene, {name: core.get(name) for name in core.names}))
+    nodes = scene.interface.nodes
+    for (rib, cell), (other, _) in pairwise(of):
+        width = np.linalg.norm(nodes[other.nodes] - nodes[rib.nodes], axis=1)
+        height = 0.5 * (_heights(nodes[rib.nodes]) + _heights(nodes[other.nodes]))
+        radius = arc_radius(_middle(width), _middle(height))
+        # ribs are joined by straight strips as drawn, so that the cloth of a cell is as wide as they are apart
+        assert cell.barlow == pytest.approx(60.0 * radius, rel=1e-9)
 
 
 @pytest.mark.parametrize("half", [0.3, 1.0, 1.5, 0.5 * np.pi])

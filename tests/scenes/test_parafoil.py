@@ -35,7 +35,7 @@ def coarse():
 
 def surface(scene):
     """The closed surface of the scene, with its sections and ribs."""
-    return read_body(scene.folder, scene.body, ROWS.values())
+    return read_body(scene.folder, scene.body, rows=tuple(ROWS.values()))
 
 
 def ribs(scene):
@@ -298,3 +298,12 @@ def test_a_tether_holds_the_kite_at_the_ground_and_carries_the_control_unit(tmp_
     assert (chains.k * chains.l0)[tether] == pytest.approx(12.87e6, rel=1e-3)  # 83.6 GPa x pi / 4 (14 mm)^2
     assert members.mass[scene.pivot] == pytest.approx(30.0, abs=1e-12)  # lines weigh nothing here
     assert members.mass.sum() == pytest.approx(plain.mass.sum() + 30.0, abs=1e-9)
+
+
+def test_strips_at_both_sewn_tips_have_the_same_chord_and_angle():
+    """Over a sewn tip the two panels at the nose share a side along the tip beside the line from rib to tip."""
+    core = scenes.load("parafoil_small").aero_core()
+    core.look()
+    for name in ("strip_chord", "alpha"):
+        values = core.get(name)
+        assert values == pytest.approx(values[::-1], rel=1e-9), name  # rounding of mirrored coordinates
