@@ -1,19 +1,15 @@
-"""Parafoils flown coupled: meshes and winds, trims, and coupling schemes beside the rate of the explicit one."""
-
-import functools
+"""Parafoils flown coupled: meshes and winds, and coupling schemes."""
 
 import numpy as np
 
 import scenes
 from master.coupling import SCHEMES, Coupling, scheme, solve
-from master.coupling.spectrum import critical_relaxation, dominant_eigenvalue
 
 from .registry import Table
 from .text import lines, table
 
 SMALL, LARGE = "parafoil_small", "parafoil_160"
 WINDS = {"coarse": (10.0, 20.0, 30.0)}  # mesh -> m/s; finer ones take minutes
-TRIMS = (10, 22, 32, 42, 52, 62)  # %
 RUN = ("iterations", "status", "residual N", "alpha deg", "C_L", "C_D", "L/D with lines", "projected m2", "pull N")
 TIMES = ("structure s", "flow s", "transfer and scheme s")
 ITERATIONS = 60  # of a scheme at most
@@ -68,50 +64,6 @@ def picture(path):
     path.write_bytes(rendered(membrane_figure(found, "Parafoil of 160 m2, wind 10 m/s", end.status))["svg"])
 
 
-@functools.cache
-def leading(trim):
-    """Dominant eigenvalue of the coupled map at the equilibrium, for motions that keep the kite symmetric, and the rate
-    at which explicit steps end there. Turned about the wind as a whole the kite is as much in equilibrium: 1.
-    """
-    coupling = Coupling.in_process(scenes.load(SMALL, {"trim": trim}))
-    start = coupling.structural.get("displacement")
-    x = solve(coupling, SCHEMES["iqn-ils"](), atol=1e-8, max_iterations=ITERATIONS).displacement
-    coupling.set_tolerance(1e-8)
-    way = (x - start) / np.linalg.norm(x - start)
-    found = dominant_eigenvalue(coupling, x, step=1e-4, start=way)
-    return found, rate(coupling, x, way)
-
-
-def rate(coupling, x, way, shift=1e-2, steps=10):
-    """Factor by which explicit steps beside the solution x (n,3) m change a difference along `way` (n,3): the last one
-    of differences between the tolerance of the solvers and metres.
-    """
-    y = x + shift * way
-    differences = [y - x]
-    for _ in range(steps):
-        y = coupling(y)
-        differences.append(y - x)
-    sizes = np.array([np.linalg.norm(d) for d in differences])
-    k = np.flatnonzero((sizes > 1e-5) & (sizes < 1.0))[-2]
-    return float(np.vdot(differences[k + 1], differences[k])) / sizes[k] ** 2
-
-
-def trims(quick):
-    """Trims: attitude and coefficients, the leading eigenvalue beside the rate of explicit steps, iterations."""
-    rows = []
-    for trim in TRIMS[2:4] if quick else TRIMS:
-        coupling, end = flown(SMALL, {"trim": trim})
-        eigen, seen = leading(trim)
-        settled = "" if eigen.settled else " (not settled)"
-        explicit = flown(SMALL, {"trim": trim}, "explicit")[1]
-        rows.append([
-            str(trim), *cells(coupling, end), f"{eigen.value:.4f}{settled}", f"{seen:.4f}",
-            f"{critical_relaxation(eigen.value):.3f}", f"{explicit.iterations} {explicit.status}",
-        ])  # fmt: skip
-    names = ("trim %", *RUN, "leading eigenvalue", "rate of explicit steps", "critical factor", "explicit")
-    return lines(table(names, rows))
-
-
 def schemes(quick):
     """Schemes on one kite, beside figure 4.8 of the thesis."""
     rows = []
@@ -131,6 +83,5 @@ def schemes(quick):
 
 ENTRIES = (
     Table("parafoil.meshes", "Parafoil of 160 m2: meshes and winds, untuned", meshes, picture),
-    Table("parafoil.trims", "Small parafoil: trims, and the rate of the explicit scheme", trims),
     Table("parafoil.schemes", "Small parafoil: coupling schemes", schemes),
 )
