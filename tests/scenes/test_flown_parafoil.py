@@ -32,7 +32,7 @@ def test_it_has_480_panels_and_converges_from_the_unstressed_shape(usual):
     assert found.status == "converged"
     lift_and_drag = np.linalg.norm(coupling.aero.get("force"))
     assert found.residual_N < 1e-3 * lift_and_drag
-    assert angle(coupling) == pytest.approx(17.24, abs=0.05)  # as it flies; a change of the mesh moves it by more
+    assert angle(coupling) == pytest.approx(17.13, abs=0.05)  # as it flies; a change of the mesh moves it by more
 
 
 def test_lines_pull_at_the_pilot_point_with_what_the_air_does_to_wing_and_lines(usual):
