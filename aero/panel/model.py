@@ -10,6 +10,7 @@ from aero.model import AeroModel, EdgeStrips, Flow, Response
 from aero.wind import lift_direction
 from interface import MIRROR, Criterion, StepFailed, UprightPlane, Variable, area_vectors, corner_shares
 from interface.mirror import mirror_permutation
+from interface.topology import listed
 from interface.validity import worst
 from interface.vectors import cross
 
@@ -19,7 +20,7 @@ from .influence import PanelGeometry, induced_velocity
 from .solver import PanelSolver, SolverState, check_memory
 from .strips import Strips, section_drag
 from .surfaces import lifting_surfaces
-from .trefftz import far_wake
+from .trefftz import far_wake, strip_forces
 from .velocities import Stencils, tangential, unit
 from .wake import CORE, carried, divided, straight_wake
 
@@ -345,10 +346,23 @@ class PanelModel(AeroModel):
                 f"the wind meets the wing at {angle:.3g} deg to its mean chord; the panel method knows attached flow "
                 f"only, up to {LARGEST_ANGLE:g} deg."
             )
+        self._check_strips_ahead(case, chord)
         try:
             self._body.check_wake(case.nodes, case.direction)
         except ValueError as error:
             raise StepFailed(str(error)) from None
+
+    @staticmethod
+    def _check_strips_ahead(case, chord):
+        """StepFailed where strips with `chord` (s,3) m meet the air from their trailing edges, as the mean does not."""
+        if case.on_strips is None:
+            return
+        behind = np.flatnonzero(np.einsum("sc,sc->s", case.on_strips, chord) < 0.0)
+        if len(behind):
+            raise StepFailed(
+                f"the air meets the strip{listed(1 + behind)} from behind; the panel method knows attached flow only: "
+                "let the wing turn or move more slowly, or let the wind differ less over its span."
+            )
 
     def _solver_of(self, symmetric):
         """The solver of the half or of the whole wing; there is one at a time, for its memory."""
@@ -427,11 +441,12 @@ class PanelModel(AeroModel):
             "pressure_drag": force @ case.direction,
         }
         far = self._far(case, jumps, wake)
-        out |= self._in_trefftz_plane(case, far, jumps)
+        own = self._leaving(case, far, jumps, wake)
+        out |= self._in_trefftz_plane(case, far, own, jumps)
         out |= self._misfits(case, out) if len(jumps) else {}
         if self._strips.whole:
-            drag, of_strips = self._sections(case, far, jumps, velocity, values)
-            of_strips |= self._loading(case, far, size[:, None] * shear)
+            drag, of_strips = self._sections(case, own, jumps, velocity, values)
+            of_strips |= self._loading(case, own, size[:, None] * shear)
             shear = shear + drag
             out |= of_strips
         return out | {"shear": shear}
@@ -447,15 +462,25 @@ class PanelModel(AeroModel):
 
     def _far(self, case, jumps, wake):
         """The `FarWake` of the strips."""
-        ends, nodes = self._strips.ends, case.nodes
+        ends, nodes, speed = self._strips.ends, case.nodes, self._strip_speed(case)
         if wake.segments:
             nodes = nodes.copy()
             nodes[ends.T] = np.stack(wake.far_ends)
-        speed = case.speed if case.on_strips is None else case.on_strips @ case.direction
         return far_wake(nodes, ends, jumps, case.direction, speed, case.density)
 
-    def _in_trefftz_plane(self, case, far, jumps):
-        per_width = far.strip_force / np.where(far.width > 0.0, far.width, np.inf)[:, None]
+    def _leaving(self, case, far, jumps, wake):
+        """The `far` wake with force and width of strips where they leave the wing; a relaxed one rolls up behind it."""
+        if not wake.segments:
+            return far
+        stream = case.direction, self._strip_speed(case), case.density
+        force, width = strip_forces(case.nodes, self._strips.ends, jumps, *stream)
+        return replace(far, strip_force=force, width=width)
+
+    def _strip_speed(self, case):
+        return case.speed if case.on_strips is None else case.on_strips @ case.direction
+
+    def _in_trefftz_plane(self, case, far, own, jumps):
+        per_width = own.strip_force / np.where(own.width > 0.0, own.width, np.inf)[:, None]
         return {
             "circulation": -jumps,
             "strip_lift": per_width @ case.lift,

@@ -51,15 +51,22 @@ def far_wake(nodes, ends, jumps, direction, speed, density):
     m^2/s of doublets whose normal is direction x (b - a), in a stream of `speed` m/s, a number or that of each strip
     (s,), along the unit vector `direction` (3,) and of `density` kg/m^3.
     """
+    force, width = strip_forces(nodes, ends, jumps, direction, speed, density)
+    if not len(jumps):
+        return FarWake(force, width, 0.0)
+    flat = nodes - np.outer(nodes @ direction, direction)
+    a, b = flat[ends[:, 0]], flat[ends[:, 1]]
+    shed = _shed(ends, jumps, width)
+    return FarWake(force, width, -density / (4.0 * np.pi) * float(shed @ _mean_logarithms(a, b, direction) @ shed))
+
+
+def strip_forces(nodes, ends, jumps, direction, speed, density):
+    """Force (s,3) N across the stream of each strip between its `ends`, and its width (s,) m there; see far_wake."""
     flat = nodes - np.outer(nodes @ direction, direction)
     a, b = flat[ends[:, 0]], flat[ends[:, 1]]
     across = cross(b - a, np.broadcast_to(direction, a.shape))  # against the normal, as long as the strip is wide
     speed = np.asarray(speed)[..., None]
-    force, width = density * speed * jumps[:, None] * across, np.linalg.norm(across, axis=1)
-    if not len(jumps):
-        return FarWake(force, width, 0.0)
-    shed = _shed(ends, jumps, width)
-    return FarWake(force, width, -density / (4.0 * np.pi) * float(shed @ _mean_logarithms(a, b, direction) @ shed))
+    return density * speed * jumps[:, None] * across, np.linalg.norm(across, axis=1)
 
 
 def _shed(ends, jumps, width):
