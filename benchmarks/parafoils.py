@@ -10,6 +10,7 @@ from .text import lines, table
 
 SMALL, LARGE = "parafoil_small", "parafoil_160"
 WINDS = {"coarse": (10.0, 20.0, 30.0)}  # mesh -> m/s; finer ones take minutes
+SHARES = (26, 55, 15, 4)  # % of rows A to D at the centre rib, thesis table 4.4
 RUN = ("iterations", "status", "residual N", "alpha deg", "C_L", "C_D", "L/D with lines", "projected m2", "pull N")
 TIMES = ("structure s", "flow s", "transfer and scheme s")
 ITERATIONS = 60  # of a scheme at most
@@ -81,7 +82,27 @@ def schemes(quick):
     )
 
 
+def line_loads(quick):
+    """Shares of the rows of lines at the rib in the middle, beside table 4.4 of the thesis."""
+    from master.report.line_rows import line_rows
+
+    settings = None if quick else {"variant": "coarse"}
+    name, rows = SMALL if quick else LARGE, []
+    for wind in (10.0,) if quick else WINDS["coarse"]:
+        coupling, end = flown(name, settings, wind_speed=wind)
+        found = line_rows(scenes.load(name, settings).members, coupling.structural.get("tension"))
+        shares = [f"{100.0 * share:.1f}" for share in found.share[found.middle]]
+        rows.append([f"{wind:g}", end.status, *shares, f"{found.tension[found.middle].sum():.1f}"])
+    rows.append(["thesis", "", *map(str, SHARES), ""])
+    return lines(
+        table(("wind m/s", "status", "A %", "B %", "C %", "D %", "all N"), rows),
+        "Tension of each line over the sum of the four at the rib in the middle. Profile, places of the rows and "
+        "length of the lines are not in the thesis, which does not say either at which wind table 4.4 was taken.",
+    )
+
+
 ENTRIES = (
     Table("parafoil.meshes", "Parafoil of 160 m2: meshes and winds, untuned", meshes, picture),
+    Table("parafoil.lines", "Parafoil of 160 m2, coarse: line loads by row", line_loads),
     Table("parafoil.schemes", "Small parafoil: coupling schemes", schemes),
 )

@@ -28,6 +28,7 @@ from master.report import (
     RESULTS,
     TABLES,
     drag_results,
+    line_row_results,
     membrane_results,
     missing_libraries,
     print_table,
@@ -194,6 +195,9 @@ def _write(job: Job, run: Run, set_up: float, cores: dict[str, Any]) -> None:
     drag = drag_results(scene, run.blocks["aero"])
     if drag is not None:
         content["drag"] = drag
+    of_rows = line_row_results(scene.members, run.blocks["structural"].get("tension"))
+    if of_rows is not None:
+        content["line_rows"] = of_rows
     content["versions"] = versions()
     content["wall_time_s"]["set_up"] = set_up
     blocks = {**run.blocks["structural"], **run.blocks["aero"]}  # loads as the flow sends them for the reported shape

@@ -12,6 +12,7 @@ import numpy as np
 
 from master.report.console import print_table, print_written
 from master.report.drag import drag_results
+from master.report.line_rows import line_row_results
 from master.report.membranes import membrane_results
 from master.report.state import final_state, status_text
 from master.report.tables import result_rows, summary, versions, write_history, write_json, write_state, write_whole
@@ -29,6 +30,7 @@ __all__ = [
     "RESULTS",
     "drag_results",
     "final_state",
+    "line_row_results",
     "membrane_results",
     "missing_libraries",
     "print_table",
@@ -48,7 +50,7 @@ LABELS = ("nodes", "lines", "both")  # what may be named in a plot
 LIBRARIES = ("matplotlib", "meshio", "jinja2")
 TABLES = (
     *("summary.json", "history.csv", "nodes.csv", "elements.csv", "interface.csv", "panels.csv", "line_loads.csv"),
-    *("tubes.csv", "sections.csv", "membranes.csv", "seams.csv", "ribs.csv", "strips.csv"),
+    *("tubes.csv", "sections.csv", "membranes.csv", "seams.csv", "ribs.csv", "rib_lines.csv", "strips.csv"),
 )
 ANGLE = (
     "Effective angle: chord to the local flow with induced velocity, hence closer to zero lift than the angle to the "
@@ -63,6 +65,8 @@ CAPTIONS = {
     "and where they are taut, wrinkled (strokes along the tension) and slack",
     "ribs": "Two ribs: the profile as flown over that drawn, the pressure coefficient outside along the chord, and in "
     "the cell towards the right tip the Cauchy stress across the span, in force per length, beside Barlow's formula",
+    "rib_lines": "Tension of the lines that begin on the ribs, row by row, over the ribs along the span, and its "
+    "share of the sum at each rib",
     "convergence": "Convergence of the coupling: interface residual, out-of-balance force and Newton iterations",
     "strips": f"Loads, effective angle of attack and circulation along the span. {ANGLE}",
     "loading": "Span loading of the surfaces: c cl and cl, in the Trefftz plane and by the pressure on each strip, and "
@@ -131,7 +135,7 @@ def write_report(
 
 def _drawn(scene: Any, run: "Run", settings: Mapping[str, Any], state: "FinalState") -> dict[str, "Figure"]:
     """Name -> figure of what there is to draw of a run with these settings in its final state."""
-    from master.report import billowing, figures, membranes, ribs, shape
+    from master.report import billowing, figures, line_rows, membranes, ribs, shape
     from master.report.convergence import convergence_figure
     from master.report.sections import wing_sections
 
@@ -159,6 +163,9 @@ def _drawn(scene: Any, run: "Run", settings: Mapping[str, Any], state: "FinalSta
     of_ribs = ribs.ribs(scene.members, run.blocks["structural"], scene.interface, surface.position, surface.loads)
     if of_ribs:
         drawn["ribs"] = ribs.rib_figure(of_ribs, f"{title}, {status}")
+    of_rows = line_rows.line_rows(scene.members, run.blocks["structural"].get("tension"))
+    if of_rows is not None and np.all(np.isfinite(run.blocks["structural"]["tension"])):
+        drawn["rib_lines"] = line_rows.line_row_figure(of_rows, f"{title}, {status}")
     if scene.has_structure:
         drawn["convergence"] = convergence_figure(
             run.result.history,

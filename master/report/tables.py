@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from master.report.drag import drag_rows
+from master.report.line_rows import line_row_rows, line_row_table, line_rows
 from master.report.loading import span_loading
 from master.report.membranes import element_table, membrane_rows, membrane_state, seam_table
-from master.report.panels import panel_loads
+from master.report.panels import PanelLoads, panel_loads
 from master.report.record import named
 from master.report.ribs import rib_table, ribs
 from master.report.sections import COLUMNS, wing_sections
@@ -127,17 +128,31 @@ def write_state(
             folder / "sections.csv", list(COLUMNS), [[c, *map(repr, v), strut] for c, *v, strut in sections.rows()]
         )
         written.append("sections.csv")
-    of_ribs = ribs(members, blocks, interface, interface.nodes + x, loads)
-    if of_ribs:
-        header, of_sides = rib_table(of_ribs)
-        write_csv(folder / "ribs.csv", header, list(of_sides))
-        written.append("ribs.csv")
+    written += _write_ribs(folder, blocks, interface, members, loads)
     surfaces = [s.columns() for s in span_loading(edge_strips, interface.nodes + x, blocks)]
     if surfaces:
         rows = [[_plain(v) for v in row] for columns in surfaces for row in zip(*columns.values(), strict=True)]
         write_csv(folder / "strips.csv", [*surfaces[0]], rows)
         written.append("strips.csv")
     return written + _write_membranes(folder, blocks, members)
+
+
+def _write_ribs(
+    folder: Path, blocks: dict[str, np.ndarray], interface: Any, members: Any, loads: PanelLoads
+) -> list[str]:
+    """Tables of ribs of a ram-air wing and of the lines on them, where there are some; the names of the files."""
+    written = []
+    of_ribs = ribs(members, blocks, interface, interface.nodes + blocks["displacement"], loads)
+    if of_ribs:
+        header, of_sides = rib_table(of_ribs)
+        write_csv(folder / "ribs.csv", header, list(of_sides))
+        written.append("ribs.csv")
+    of_rows = line_rows(members, blocks.get("tension"))
+    if of_rows is not None:
+        header, of_lines = line_row_table(of_rows)
+        write_csv(folder / "rib_lines.csv", header, list(of_lines))
+        written.append("rib_lines.csv")
+    return written
 
 
 def _plain(value: Any) -> Any:
@@ -279,6 +294,7 @@ def result_rows(scene: Any, run: "Run", content: dict[str, Any]) -> list[tuple[s
         rows.append(("slack lines", ", ".join(slack) or "none"))
         loose = [f"{lines[i]} ({tension[i]:.2g} N)" for i in np.flatnonzero(loose_lines(tension, two_way))]
         rows.append(("loose lines", ", ".join(loose) or "none"))
+        rows += line_row_rows(scene.members, tension)
     rows += wing_rows(scene.members, structural) + membrane_rows(scene.members, structural)
     if "holding_force" in structural and float(structural.get("hold_roll_and_yaw", 0.0)):
         held = (
