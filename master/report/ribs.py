@@ -78,12 +78,16 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class _Skin:
-    """Nodes (n,3) m as drawn and as flown, panels (m,4) and their loads."""
+    """Nodes (n,3) m as drawn and as flown, panels (m,4) and their loads; `node` (n,) of the membranes that each is, and
+    `sides` (e,3) m of their triangles as they are cut, from each corner to the next.
+    """
 
     reference: np.ndarray
     position: np.ndarray
     panels: np.ndarray
     loads: PanelLoads
+    node: np.ndarray
+    sides: np.ndarray
 
 
 def ribs(
@@ -99,7 +103,9 @@ def ribs(
     skin = None if found is None else members.membranes.skin
     if found is None or skin is None or not np.all(np.isfinite(position)):
         return []
-    surface = _Skin(interface.nodes, position, np.asarray(interface.panels), loads)
+    corners = members.membranes.group.pattern[:, :3]
+    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    surface = _Skin(interface.nodes, position, np.asarray(interface.panels), loads, skin, sides)
     on_skin = np.full(len(found.position), -1)
     on_skin[skin] = np.arange(len(skin))
     rows = {name: row for name, sides in found.seams.items() if len(row := _row(on_skin[sides]))}
@@ -249,11 +255,28 @@ def _cell(
         return None
     s = len(quads)
     middle = quads[(s - 1) // 2 : s // 2 + 1]  # both strips in the middle where they are even in number
-    drawn = np.linalg.norm(np.diff(surface.reference[rows], axis=0), axis=2).sum(axis=0)
     heights = [_heights(surface.reference[rib.nodes]) for rib in (one, other)]
-    radius = arc_radius(_middle(drawn), _middle(0.5 * np.add(*heights)))
+    radius = arc_radius(_cut_width(rows, quads, surface, found, triangles), _middle(0.5 * np.add(*heights)))
     stress = _across_span(rows, quads, surface.position, found, triangles)[(s - 1) // 2 : s // 2 + 1]
     return Cell(stress.mean(axis=0), surface.loads.delta_p[middle].mean(axis=0) * radius)
+
+
+def _cut_width(
+    rows: np.ndarray, quads: np.ndarray, surface: _Skin, found: MembraneState, triangles: np.ndarray
+) -> np.ndarray:
+    """Width (p,) m from rib to rib of the panels of a cell as they are cut: of each of its quads the mean of the two
+    sides that lead from one row to the next, each of which is a side of one of its triangles.
+    """
+    one, other = surface.node[rows[:-1]], surface.node[rows[1:]]  # (s,p)
+    corners = found.nodes[triangles[quads]][..., :3]  # (s,p,2,3)
+
+    def among(*nodes: np.ndarray) -> np.ndarray:
+        return (corners[..., None] == np.stack(nodes, axis=-1)[:, :, None, None]).any(axis=-1)
+
+    row, column = among(one, np.roll(one, -1, axis=1)), among(one, other)
+    across = (row != np.roll(row, -1, axis=-1)) & (column == np.roll(column, -1, axis=-1))
+    widths = np.where(across, surface.sides[triangles[quads]], 0.0).sum(axis=-1)
+    return widths.mean(axis=-1).sum(axis=0)
 
 
 def _heights(nodes: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Ribs and cells of a ram-air wing in what a run leaves: profiles, pressure, stress across the span."""
 
 import csv
+import shutil
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -99,6 +100,29 @@ def test_the_cells_of_a_parafoil_with_sewn_tips_lie_between_their_own_ribs():
         radius = arc_radius(_middle(width), _middle(height))
         # ribs are joined by straight strips as drawn, so that the cloth of a cell is as wide as they are apart
         assert cell.barlow == pytest.approx(60.0 * radius, rel=1e-9)
+
+
+def test_barlow_takes_the_width_to_which_a_panel_is_cut(tmp_path):
+    """Narrower cloth has a smaller radius, where it is cut so: here by nothing at the nose and 8 % at the tail."""
+    folder = shutil.copytree(scenes.load("parafoil_small").folder, tmp_path / "kite")
+    text = (folder / "scene.toml").read_text()
+    cut = 'shape = "body"\npanel_shortening = [[0.0, 0.0], [1.0, 8.0]]'
+    (folder / "scene.toml").write_text(text.replace('shape = "body"', cut))
+    scene = scenes.load(folder)
+    core = scene.cores()["structural"]
+    of = found((scene, {name: core.get(name) for name in core.names}))
+    (rib, cell), (other, _) = of[5], of[6]
+    nodes = scene.interface.nodes
+    width = _middle(np.linalg.norm(nodes[other.nodes] - nodes[rib.nodes], axis=1))
+    height = _middle(0.5 * (_heights(nodes[rib.nodes]) + _heights(nodes[other.nodes])))
+    share = [0.5 * (r.design[:, 0] + np.roll(r.design[:, 0], -1)) for r in (rib, other)]
+    # strips are even in width: the shares of the chord at both ribs, in chords of each, are alike on this profile
+    chord = np.ptp(rib.design[:, 0]), np.ptp(other.design[:, 0])
+    assert share[0] / chord[0] == pytest.approx(share[1] / chord[1], abs=1e-12)
+    radius = arc_radius((1.0 - 0.08 * share[0] / chord[0]) * width, height)
+    # sides of a tapered cell lean by up to 0.008 rad from the direction in which it is narrower
+    assert cell.barlow == pytest.approx(60.0 * radius, rel=1e-4)
+    assert cell.barlow[0] < 0.95 * 60.0 * arc_radius(width, height)[0]
 
 
 @pytest.mark.parametrize("half", [0.3, 1.0, 1.5, 0.5 * np.pi])
