@@ -21,7 +21,7 @@ cloth; those that stretch are higher by lambda_h, lambda_h K_rib (lambda_h^2 - 1
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 from scenes.builders.mesh import TriangleMesh
 from scenes.builders.parafoils import panels_across, parafoil
@@ -91,6 +91,24 @@ def held_cell(width, spacing, height, pressure=1.0, stiffness=np.inf):
 def pull_on_end_rib(cell, pressure):
     """N per m of chord by which the cloth of the last cell pulls its rib inward, less the pressure on what closes it."""
     return 2.0 * cell.tension * np.cos(cell.angle) - pressure * cell.height
+
+
+def straight_ribs(widths, height, chord, pressure=1.0, stiffness=np.inf):
+    """Mean spacing m and its slope over the chord of ribs that may come together and turn in plan, but stay straight:
+    cloth `widths` m across at equal steps along the chord m, ribs as high everywhere. Nothing pulls or turns the last
+    one: the pull on it, and its moment, are zero over the chord.
+    """
+    arm = np.linspace(-0.5 * chord, 0.5 * chord, len(widths))
+
+    def left(values):
+        mean, slope = values
+        cells = [held_cell(w, mean + slope * x, height, pressure, stiffness) for w, x in zip(widths, arm, strict=True)]
+        pull = np.array([pull_on_end_rib(cell, pressure) for cell in cells]) / (pressure * height)
+        return np.trapezoid(pull, arm) / chord, np.trapezoid(pull * arm, arm) / chord**2
+
+    start = free_cell(float(np.mean(widths)), height, pressure, stiffness).spacing
+    mean, slope = fsolve(left, [start, 0.0], xtol=1e-12)
+    return float(mean), float(slope)
 
 
 # Slices of a wing of such cells

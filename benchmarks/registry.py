@@ -35,6 +35,7 @@ SUBJECTS = (
     "panel_peers",
     "panel_fmus",
     "parafoils",
+    "ballooned_wings",
     "v3_detailed",
     "hanging",
     "exchange",
