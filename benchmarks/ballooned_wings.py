@@ -1,4 +1,4 @@
-"""Ballooned cells beside their closed form: slices of them, and whole wings of constant profile that are made of a scene."""
+"""Ballooned cells beside their closed form: slices of them, and whole wings of constant profile made of a scene."""
 
 import tempfile
 from dataclasses import dataclass
@@ -179,9 +179,7 @@ def slice_rows(strips):
     """Rows of a table of SLICES: contraction of the spacing and p R over p w, in closed form and by membranes."""
     for height, stiffness, shortening, held in SLICES:
         exact = closed_cell(height, stiffness, shortening, held)
-        found = [
-            ballooned(cell_slice(1.0, height, n, stiffness, NU, shortening, held=held), PRESSURE) for n in strips
-        ]
+        found = [ballooned(cell_slice(1.0, height, n, stiffness, NU, shortening, held=held), PRESSURE) for n in strips]
         row = ["held" if held else "free", f"{1.0 / height:.4g}", f"{PRESSURE / stiffness:.0e}", f"{shortening:g}"]
         row += [f"{100.0 * (1.0 - one.spacing):.2f}" for one in (exact, *found)]
         yield row + [f"{one.tension / PRESSURE:.4f}" for one in (exact, *found)]
@@ -215,13 +213,13 @@ def ballooning(quick):
         [
             *table(head, slice_rows(strips)),
             "",
-            "Slices of cells in plane strain, of cloth w wide as drawn, ribs free to come together or held where they are "
-            f"drawn; Poisson's ratio {NU:g}.",
+            "Slices of cells in plane strain, of cloth w wide as drawn, ribs free to come together or held where they "
+            f"are drawn; Poisson's ratio {NU:g}.",
             "",
             *table(wing, wing_rows(chords)),
             "",
-            "Whole wings of four cells with 4 strips each, ribs upright and else free, closed at nose, tail and tips. The "
-            "last two columns are for shortening from none at the nose to 8 % at the tail.",
+            "Whole wings of four cells with 4 strips each, ribs upright and else free, closed at nose, tail and tips. "
+            "The last two columns are for shortening from none at the nose to 8 % at the tail.",
         ]
     )
 

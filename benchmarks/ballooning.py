@@ -1,5 +1,5 @@
-"""The ballooning of a ram-air cell under one pressure everywhere: a prismatic cell in closed form, and slices of wings of
-such cells, made of membranes by the generator of parafoils.
+"""The ballooning of a ram-air cell under one pressure everywhere: a prismatic cell in closed form, and slices of wings
+of such cells, made of membranes by the generator of parafoils.
 
 A cell is a strip of cloth w wide above and below, between two ribs of height h at the spacing s, long in the direction
 of the chord, along which nothing strains. Cloth under the pressure p is a cylinder: an arc of the radius R, of half the
@@ -89,7 +89,7 @@ def held_cell(width, spacing, height, pressure=1.0, stiffness=np.inf):
 
 
 def pull_on_end_rib(cell, pressure):
-    """N per m of chord by which the cloth of the last cell pulls its rib inward, less the pressure on what closes it."""
+    """N per m of chord by which the cloth of the last cell pulls its rib inward, less the pressure on the tip."""
     return 2.0 * cell.tension * np.cos(cell.angle) - pressure * cell.height
 
 
@@ -141,8 +141,8 @@ def cell_slice(spacing, height, strips, stiffness, nu=0.0, shortening=0.0, cells
     `strips` from rib to rib, E h `stiffness` and `rib_stiffness` N/m.
 
     Ribs are held upright, in full where they are `held`, and the middle one stays in its plane; but with a
-    `rib_stiffness` that is finite they are free to stretch. What closes the tips is half as stiff as a rib, since it has
-    half the load.
+    `rib_stiffness` that is finite they are free to stretch. What closes the tips is half as stiff as a rib, since it
+    has half the load.
     """
     section = rectangular_section(height)
     at = spacing * np.arange(cells // 2 + 1)
@@ -184,9 +184,9 @@ def _supports(nodes, used, at, held, stretches):
 
 @dataclass(frozen=True, eq=False)
 class Ballooned:
-    """A slice under pressure: `status`, mean `spacing` m of its ribs, the tension of its cloth as the mean `tension`
-    N/m of its triangles over their area, `height` m of the middle rib, and the mean `pull` N/m on the last rib
-    inward.
+    """A slice under pressure: `status`, mean `spacing` m of its ribs, the Cauchy stress across the ribs as the mean
+    `tension` N/m of its cloth by area, `height` m of the middle rib, and what the last rib, where it is held, is pulled
+    inward by, `pull` N per m of chord.
     """
 
     status: str

@@ -30,8 +30,6 @@ from master.report.ribs import arc_radius
 
 STRIPS = (2, 4, 8)
 WING_STRIPS = 4
-# Twice what the polygon of the coarsest mesh leaves; it falls with the square of the strips, as other tests say.
-SPACING, TENSION = 0.1 / 4.0, 0.36 / 4.0
 
 
 def order(errors):
@@ -96,7 +94,6 @@ def test_free_ribs_come_together_as_far_as_the_closed_form_says_with_the_square_
     # a polygon in place of an arc of the half angle phi is wrong by (phi / n)^2 / 6 and more where it meets the rib
     assert np.all(np.abs(spacing) <= exact.angle**2 / np.array(STRIPS) ** 2 / 6.0)
     assert np.all(np.abs(tension) <= exact.angle**2 / np.array(STRIPS) ** 2 / 2.0)
-    assert all(abs(one.pull) <= 1e-6 * PRESSURE * height for one in found)
 
 
 def test_it_is_so_for_soft_cloth_between_ribs_that_stretch():
@@ -142,30 +139,26 @@ def test_cloth_that_is_cut_narrower_brings_free_ribs_together_and_takes_stress_o
 # Whole wings, closed at nose, tail and tips
 
 
-@pytest.mark.parametrize("law", [((0.0, -4.0), (1.0, -4.0)), ((0.0, 0.0), (1.0, 0.0)), ((0.0, 4.0), (1.0, 4.0))])
-def test_halfway_along_the_chord_a_wing_with_held_ribs_has_the_stress_of_its_cylinders(law):
-    wing = inflated_wing(strips=8, shortening=law, held=True)
-    exact = held_cell(WIDTH * (1.0 - 0.01 * law[0][1]), WIDTH, HEIGHT, PRESSURE, plane_strain(STIFFNESS))
+@pytest.mark.parametrize("shortening", [-4.0, 0.0, 4.0])
+def test_halfway_along_the_chord_a_wing_with_held_ribs_has_the_stress_of_its_cylinders(shortening):
+    wing = inflated_wing(8.0, 8, ((0.0, shortening), (1.0, shortening)), held=True)
+    alone = ballooned(cell_slice(WIDTH, HEIGHT, 8, STIFFNESS, NU, shortening, held=True), PRESSURE)
+    exact = held_cell(WIDTH * (1.0 - 0.01 * shortening), WIDTH, HEIGHT, PRESSURE, plane_strain(STIFFNESS))
     middle = np.abs(wing.side - 0.5) < 0.2
-    # as in a slice of 8 strips; nose and tail are three widths of a cell away
-    assert wing.stress[middle] == pytest.approx(exact.tension, rel=0.012)
+    # nose and tail are five widths of a cell away: 3e-4 seen where the cloth is loosest
+    assert wing.stress[middle] == pytest.approx(alone.tension, rel=1e-3)
+    assert wing.stress[middle] == pytest.approx(exact.tension, rel=0.01)  # polygons of 8, 0.9 % seen at most
 
 
 def test_a_cut_that_changes_along_the_chord_changes_the_stress_from_place_to_place():
-    law = np.array([(0.0, 0.0), (1.0, 8.0)])
-    wing = inflated_wing(strips=8, shortening=law.tolist(), held=True)
+    law = ((0.0, 0.0), (1.0, 8.0))
+    wing = inflated_wing(8.0, 8, law, held=True)
     flat = np.abs(wing.side - 0.5) < 0.25
-    exact = np.array(
-        [
-            held_cell(
-                WIDTH * (1.0 - 0.01 * np.interp(at, *law.T)), WIDTH, HEIGHT, PRESSURE, plane_strain(STIFFNESS)
-            ).tension
-            for at in wing.side[flat]
-        ]
-    )
-    assert exact.max() > 3.0 * exact.min()
-    # arcs change over a length along the chord that is not small beside their width
-    assert wing.stress[flat] == pytest.approx(exact, rel=0.02)
+    widths = WIDTH * (1.0 - 0.01 * np.interp(wing.side[flat], *np.array(law).T))
+    exact = [held_cell(w, WIDTH, HEIGHT, PRESSURE, plane_strain(STIFFNESS)).tension for w in widths]
+    assert max(exact) > 2.5 * min(exact)
+    # 0.05 % seen: the narrower the cut, the flatter the arc, and the nearer to it a polygon of 8
+    assert wing.stress[flat] == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.fixture(scope="module")
