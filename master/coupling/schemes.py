@@ -55,5 +55,4 @@ def defaults(name: str, order: Order = "serial", exchange: Exchange | None = Non
         return found
     if order == "parallel":
         return found | {"omega0": FIRST_PARALLEL}
-    first = getattr(exchange, "first_factor", None) if name in ("iqn-ils", "iqn-imvj") else None
-    return found if first is None else found | {"omega0": first}
+    return found | getattr(exchange, "first_updates", {})

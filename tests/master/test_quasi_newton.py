@@ -340,6 +340,25 @@ def test_a_map_that_answers_with_a_view_of_what_it_was_given_is_its_own_fixed_po
 
 
 @pytest.mark.parametrize("name", LEARNING)
+def test_nothing_is_learnt_from_the_first_updates_where_there_are_several(name):
+    """x <- x_tilde is what two updates with the factor 1 do, and the third follows the one secant from there on."""
+
+    def G(x):  # curved, with the fixed point 1
+        return x - 0.5 * (x**3 - 1.0)
+
+    scheme, x = LEARNING[name](omega0=1.0, relaxed=2), np.array([0.4])
+    scheme.begin([slice(None)])
+    points = [x]
+    for _ in range(3):
+        points.append(scheme.step(points[-1], G(points[-1]) - points[-1]))
+    np.testing.assert_array_equal(points[1], G(points[0]))
+    np.testing.assert_array_equal(points[2], G(points[1]))
+    (r1, r2), (x1, x2) = (G(p) - p for p in points[1:3]), points[1:3]
+    np.testing.assert_allclose(points[3], x2 - r2 * (x2 - x1) / (r2 - r1), rtol=1e-12)
+    assert scheme.columns == 1
+
+
+@pytest.mark.parametrize("name", LEARNING)
 def test_after_a_restart_the_first_step_is_a_careful_relaxation(name):
     scheme = LEARNING[name](omega0=0.4)
     problem = Linear(10)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from master.coupling.acceleration.scheme import Field, require_factor, unit
+from master.coupling.acceleration.scheme import Field, require_count, require_factor, unit
 
 # Factor on the steps in directions that are not known yet, each time a scheme restarts after it was led astray, and
 # how it grows back to 1 with every fall of the residual.
@@ -23,11 +23,15 @@ FIRST_RELAXATION = 0.35
 class QuasiNewton:
     """Base of the schemes that learn an inverse Jacobian; subclasses say what they do with a pair (v, w).
 
+    While no column exists, `relaxed` updates of a call are relaxed by `omega0`, and differences between what they lead
+    from are not kept: with more than one, what a strongly curved map does far from its fixed point teaches nothing.
+
     D weighs field f with 1/s_f, s_f the mean of |r_f| / |r| over the coupling iterations of this call (residual-sum
     scaling), but at least that of the call before: a field that starts converged must not get a boundless weight.
     """
 
     omega0: float = FIRST_RELAXATION
+    relaxed: int = 1
     record: dict[str, float] = field(init=False, default_factory=dict, repr=False)
     _fields: tuple[Field, ...] = field(init=False, default=(slice(None),), repr=False)
     _last: tuple[np.ndarray, np.ndarray] | None = field(init=False, default=None, repr=False)
@@ -35,10 +39,12 @@ class QuasiNewton:
     _summands: int = field(init=False, default=0, repr=False)
     _floor: np.ndarray = field(init=False, repr=False)
     _careful: float = field(init=False, default=1.0, repr=False)
+    _updates: int = field(init=False, default=0, repr=False)  # of this call while there were no columns
     _size: int = field(init=False, default=0, repr=False)  # entries of x that the columns have
 
     def __post_init__(self) -> None:
         require_factor("omega0", self.omega0)
+        require_count("relaxed", self.relaxed, 1)
         self._shares, self._floor = np.zeros(1), np.zeros(1)
 
     @property
@@ -55,7 +61,7 @@ class QuasiNewton:
             self._refield(tuple(fields))
             self._floor = np.zeros(len(fields))
         self._fields = tuple(fields)
-        self._last = None
+        self._last, self._updates = None, 0
         self._shares, self._summands = np.zeros(len(fields)), 0
         self._open()
 
@@ -65,11 +71,14 @@ class QuasiNewton:
         norm = np.linalg.norm(own)
         if self._last is not None and norm < np.linalg.norm(self._last[1] / unit(r)):  # the residual falls
             self._careful = min(1.0, REGAINED * self._careful)
+        if not self.columns and self._updates < self.relaxed:
+            self._last = None  # nothing is learnt yet
         self._learn(x, r)
         if norm > 0.0:
             self._shares = self._shares + np.array([np.linalg.norm(own[f]) for f in self._fields]) / norm
             self._summands += 1
         if not self.columns:
+            self._updates += 1
             self.record = {"omega": self._careful * self.omega0, "columns": 0, "filtered": 0}
             return x + self._careful * self.omega0 * r
         self._require_size(x.size)

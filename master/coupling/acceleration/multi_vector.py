@@ -119,7 +119,7 @@ class IQNIMVJ(QuasiNewton):
 KINDS = {
     "iqn-imvj": Kind(
         IQNIMVJ,
-        {"omega0": IQNIMVJ.omega0, "filter": 1e-8, "curved": 0.03, "max_columns": 200},
+        {"omega0": IQNIMVJ.omega0, "relaxed": IQNIMVJ.relaxed, "filter": 1e-8, "curved": 0.03, "max_columns": 200},
         "omega0",
         "quasi-Newton that corrects the inverse Jacobian of the step before",
         place=4,

@@ -157,7 +157,15 @@ class IQNILS(QuasiNewton):
 KINDS = {
     "iqn-ils": Kind(
         IQNILS,
-        {"omega0": IQNILS.omega0, "reuse": 10, "filter": 1e-8, "curved": 0.03, "stale": 0.02, "max_columns": 100},
+        {
+            "omega0": IQNILS.omega0,
+            "relaxed": IQNILS.relaxed,
+            "reuse": 10,
+            "filter": 1e-8,
+            "curved": 0.03,
+            "stale": 0.02,
+            "max_columns": 100,
+        },
         "omega0",
         "quasi-Newton with an inverse Jacobian from least squares",
         place=3,
