@@ -100,7 +100,7 @@ class Coupling(Exchange):
 
     def of_scene(self, scene: Any) -> "Coupling":
         """The coupling itself, which starts as suits the participants of a `scene`: a wing that its first loads inflate
-        goes the whole way twice, and schemes learn from then on, since what flat cells do says nothing of inflated ones.
+        goes the whole way twice, and schemes learn from then on: what flat cells do says nothing of inflated ones.
         """
         self.first_updates = INFLATING if scene.inflates else {}
         return self

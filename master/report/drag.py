@@ -16,7 +16,10 @@ def drag_results(scene: Any, aero: dict[str, np.ndarray]) -> dict[str, Any] | No
     `tether_N` is the wind on all of the tether along the wind, the difference of its end forces there less its weight;
     `tether_at_kite_N` the force at the kite that has the same moment about the ground, by which the glide ratio of the
     system counts it (equations 2.13 and 2.14): an eighth of rho d L C_D V^2 in a wind that grows from nothing, where
-    the former is a sixth of it.
+    the former is a sixth of it. That is the drag alone, a weight of the tether apart.
+
+    `glide_ratio` is lift over drag, the lift that of the wing alone: lines that lean have lift of their own, which the
+    output `glide_ratio` of the solver, "lift over drag, with lines", counts.
     """
     wind, load = wind_of(aero), aero.get("line_load")
     if scene.body is None or wind is None or load is None or "pressure_drag" not in aero:
@@ -64,7 +67,9 @@ def drag_rows(scene: Any, aero: dict[str, np.ndarray]) -> list[tuple[str, str]]:
     found = drag_results(scene, aero)
     if found is None:
         return []
-    parts = [f"wing {found['wing_by_pressure_N']:.5g} N by pressure", f"profile {found['profile_N']:.4g} N"]
+    parts = [f"wing {found['wing_by_pressure_N']:.5g} N by pressure"]
+    if found["profile_N"]:
+        parts.append(f"profile {found['profile_N']:.4g} N")
     parts.append(f"bridle {found['bridle_N']:.4g} N")
     glide = found["glide_ratio"]
     ratios = f"wing {glide['wing']:.3f}, with bridle {glide['kite']:.3f}"

@@ -11,6 +11,8 @@ from ..builders.wings import ClosedSurface
 from ..schema import BridleInput, SceneError, StructureInput
 from .elements import Element
 
+TAKEN = ("tether", "belt", "pilot", "ground")  # beginnings of names of other lines and nodes of a parafoil
+
 
 def check_bridle(folder: Path, given: BridleInput) -> None:
     """SceneError in one sentence for rows that cannot be on a rib."""
@@ -18,6 +20,10 @@ def check_bridle(folder: Path, given: BridleInput) -> None:
     if not given.rows:
         raise SceneError(f"{where} is empty; name a row of lines with its share of the chord.")
     for name, share in given.rows.items():
+        if taken := next((word for word in TAKEN if name.lower().startswith(word)), None):
+            raise SceneError(
+                f"{where} {name} has the name of a {taken}, which is no row; call it otherwise, A for example."
+            )
         if not 0.0 <= share <= 1.0:
             raise SceneError(
                 f"{where} {name} is off the rib: rows lie at shares of the chord from 0, the nose, to 1; it is "

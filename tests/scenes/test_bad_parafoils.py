@@ -50,6 +50,7 @@ BAD = {
     "a profile that crosses itself": (with_profile(FIGURE_OF_EIGHT), "crosses itself, at 0.* of the chord"),
     "a profile from the nose on": (with_profile(FROM_THE_NOSE), "does not begin and end at its trailing edge"),
     "a row off the rib": (instead("D = 0.70", "D = 1.20"), "D is off the rib"),
+    "a row called as the tether": (instead("D = 0.70", "tether_1 = 0.70"), "tether_1 has the name of a tether"),
     "no row": (lambda text, folder: re.sub(r"\n[ABCD] = [\d.]+", "", text), "is empty; name a row of lines"),
     "rows at one node": (instead("D = 0.70", "D = 0.4201"), "too near to each other"),
     "trim of the bridle": (instead("trim = 32.0", "trim = 151.0"), "trim must be a number from -50 to 150"),
