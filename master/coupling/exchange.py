@@ -26,13 +26,14 @@ CoupledStepFailed = StepFailed  # its name in releases up to 0.1
 
 @dataclass(frozen=True)
 class Connection:
-    """`factor` times the block `output` of participant `source` is the block `input` of participant `target`."""
+    """`factor` times the block `output` of participant `source`, plus `offset`, is the block `input` of `target`."""
 
     source: str
     output: str
     target: str
     input: str
     factor: float = 1.0
+    offset: float = 0.0
 
     @property
     def field(self) -> str:
@@ -44,7 +45,12 @@ class Connection:
 
     def applied(self, values: np.ndarray) -> np.ndarray:
         """What arrives when `values` are sent."""
-        return values if self.factor == 1.0 else self.factor * values
+        arriving = self.applied_change(values)
+        return arriving if self.offset == 0.0 else arriving + self.offset
+
+    def applied_change(self, changes: np.ndarray) -> np.ndarray:
+        """By how much what arrives changes when what is sent does by `changes`."""
+        return changes if self.factor == 1.0 else self.factor * changes
 
 
 class Exchange:
@@ -191,7 +197,9 @@ class Exchange:
         sent: dict[str, np.ndarray] = {}
         for name, participant in self.participants.items():
             changes = {
-                c.input: c.applied(v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field])
+                c.input: c.applied_change(
+                    v[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field]
+                )
                 for c in self._inputs[name]
             }
             with self.booked(name, "gave no derivative"):

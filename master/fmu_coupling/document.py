@@ -193,10 +193,10 @@ def _connections(whole: Table, described: Mapping[str, Described]) -> tuple[Conn
     found: list[Connection] = []
     taken: dict[tuple[str, str], str] = {}
     for table in whole.tables("connections"):
-        table.require_only("from", "to", "factor")
+        table.require_only("from", "to", "factor", "offset")
         source = _end(table, "from", table.text("from"), described, "output")
         target = _end(table, "to", table.text("to"), described, "input")
-        c = Connection(*source, *target, table.factor())
+        c = Connection(*source, *target, table.factor(), table.number("offset", 0.0))
         sent, wanted = described[c.source].blocks[c.output], described[c.target].blocks[c.input]
         if sent != wanted:
             raise table.wrong(f"{c.field} has shape {list(sent)}, but {c.target}.{c.input} {list(wanted)}; "

@@ -178,8 +178,10 @@ def summary(document: Document, result: CoupleResult) -> dict[str, Any]:
             }
             for name, member in document.participants.items()
         },
-        "connections": [{"from": c.field, "to": f"{c.target}.{c.input}", "factor": c.factor}
-                        for c in document.connections],
+        "connections": [
+            {"from": c.field, "to": f"{c.target}.{c.input}", "factor": c.factor, "offset": c.offset}
+            for c in document.connections
+        ],
         "inputs_without_source": document.unconnected(),
         "versions": versions(),
     }  # fmt: skip

@@ -42,6 +42,20 @@ def oscillator(dt, factor=1.0, **options):
     return Exchange(participants, connections, dt=dt, rollback=True, **options)
 
 
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+def test_an_offset_arrives_and_leaves_the_derivative_as_it_is(order):
+    participants = {"a": Tangent(2.0, c=1.0), "b": Tangent(0.5)}
+    connections = [Connection("a", "f", "b", "x", -3.0, 273.15), Connection("b", "f", "a", "x")]
+    exchange = Exchange(participants, connections)
+    x = np.full(exchange.present(order).size, 0.3)
+    exchange.evaluate(x, order)
+    sent = exchange.participants["a"].get("f") if order == "serial" else x[0]
+    assert exchange.participants["b"].values["x"] == -3.0 * sent + 273.15
+    found, plain = exchange.derivative(np.ones_like(x), order), ring(-3.0)
+    plain.evaluate(x, order)
+    assert np.array_equal(found, plain.derivative(np.ones_like(x), order))
+
+
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_a_factor_and_its_inverse_in_the_participant_cancel_also_where_inputs_are_ramps(substeps):
     found = []

@@ -104,6 +104,7 @@ MISTAKES = [
     ({"connections": []}, "there are no connections; add [[connections]] with from and to."),
     ({"connections": {}}, "connections must be tables, each headed [[connections]]."),
     ({"connections/0/factor": 0}, "[[connections]] 1: factor must not be zero, as nothing would arrive"),
+    ({"connections/0/offset": "1"}, "[[connections]] 1: offset must be a number, not '1'."),
     ({"connections/0/from": "load"}, "[[connections]] 1: from is 'load'; write participant.block."),
     ({"connections/0/form": "x"}, "[[connections]] 1: knows no key 'form'; did you mean from"),
     ({"connections/0/from": "fluit.load"}, "from names no participant 'fluit'; did you mean fluid?"),
