@@ -326,7 +326,7 @@ def scenes(
     _finish(lambda: list_scenes(scene))
 
 
-@app.command(short_help="Couple any FMI 2.0 co-simulation FMUs as a TOML file says.")
+@app.command(short_help="Couple any co-simulation FMUs as a TOML file says.")
 def couple(
     file: Annotated[Path, typer.Argument(help="TOML file: time, scheme, participants, connections (docs/couple.md).")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/NAME of FILE.")] = None,
@@ -339,7 +339,7 @@ def couple(
     ] = None,
     force: ForceOption = False,
 ) -> None:
-    """Couple two or more FMI 2.0 co-simulation FMUs, of whatever maker, as FILE says; print a table, write results.
+    """Couple two or more co-simulation FMUs (FMI 2.0, 3.0) of any maker as FILE says; print a table, write results.
 
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
     (results up to there are still written), 2 bad input, 130 interrupted.

@@ -1,4 +1,4 @@
-"""Any FMI 2.0 co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
+"""Any co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
 
 import contextlib
 import time
