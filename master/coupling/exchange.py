@@ -34,6 +34,7 @@ class Connection:
     input: str
     factor: float = 1.0
     offset: float = 0.0
+    table: tuple[tuple[float, float], ...] = ()  # (sent, arriving) of discrete values, in place of the two
 
     @property
     def field(self) -> str:
@@ -44,9 +45,18 @@ class Connection:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
 
     def applied(self, values: np.ndarray) -> np.ndarray:
-        """What arrives when `values` are sent."""
+        """What arrives when `values` are sent; ValueError for one that the table does not have."""
+        if self.table:
+            return self._looked_up(values)
         arriving = self.applied_change(values)
         return arriving if self.offset == 0.0 else arriving + self.offset
+
+    def _looked_up(self, values: np.ndarray) -> np.ndarray:
+        known, sent = dict(self.table), np.asarray(values, dtype=float)
+        for value in np.ravel(sent).tolist():
+            if value not in known:
+                raise ValueError(f"{self.field} is {value:g}, which the map of connection {self} does not have")
+        return np.reshape([known[value] for value in np.ravel(sent).tolist()], sent.shape)
 
     def applied_change(self, changes: np.ndarray) -> np.ndarray:
         """By how much what arrives changes when what is sent does by `changes`."""
@@ -178,7 +188,8 @@ class Exchange:
             inputs = {}
             for c in self._inputs[name]:
                 known = x[fields[c.field]].reshape(self._shape(c)) if c.field in fields else sent[c.field]
-                inputs[c] = c.applied(known)
+                with self.booked(name, "got no input"):
+                    inputs[c] = c.applied(known)
             with self.booked(name):
                 self._step(participant, name, inputs)
                 for field in {c.field: c for c in self.connections if c.source == name}.values():

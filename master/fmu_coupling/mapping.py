@@ -72,6 +72,7 @@ class Described(Blocks):
         self.only_once = bool(description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         self.model, self.tool = description.modelName, description.generationTool
         self._variables = {variable.name: variable for variable in scalars}
+        self.unit_definitions = description.unitDefinitions
         blocks = grouped(scalars)
         self._arrays = {name: tuple(v.name for v in listed) for name, (listed, _) in blocks.items()}
         self._shapes = {name: shape for name, (_, shape) in blocks.items()}
@@ -79,6 +80,11 @@ class Described(Blocks):
         blocks |= {n: ([self._variables[v] for v in block.variables], block.shape) for n, block in self.named.items()}
         self.blocks = {name: shape for name, (_, shape) in blocks.items()}
         self.limits = {name: described_limits(*block) for name, block in blocks.items()}
+
+    @property
+    def variables(self) -> Mapping[str, Any]:
+        """The scalar variables of the FMU by name, as fmpy describes them."""
+        return self._variables
 
     def scalars(self, block: str) -> tuple[str, ...]:
         """The variables of the FMU that make a block."""
