@@ -226,7 +226,7 @@ def test_a_ring_of_arrays_is_solved_in_every_step(signals):
     [
         (2, "participant a refused a step: the step is too large"),
         (-2, r"participant a refused a step: the step from 0\.1 s asks for the end of the simulation at 0\.15 s"),
-        (102, "ended with fmi2Fatal: there is no way on"),
+        (102, "ended with fmi3Fatal: there is no way on"),
     ],
 )
 def test_a_step_that_is_discarded_ends_or_is_fatal_ends_the_run_with_what_the_fmu_says(signals, trouble, sentence):

@@ -248,7 +248,7 @@ class Fmi3Library:
         return status
 
     def __getattr__(self, name: str) -> Any:
-        """Functions of FMI 2.0 whose arguments are the same in FMI 3.0."""
+        """Functions whose arguments are the same in FMI 3.0."""
         there = SAME.get(name)
         if there is None:
             raise AttributeError(name)
@@ -273,7 +273,7 @@ SAME = {
     "fmi2FreeFMUstate": "fmi3FreeFMUState",
     "fmi2SerializedFMUstateSize": "fmi3SerializedFMUStateSize",
     "fmi2Terminate": "fmi3Terminate",
-    "fmi2Reset": "fmi3Reset",
+    "finalizePythonInterpreter": "finalizePythonInterpreter",  # of PythonFMU, see FmuParticipant.close
 }
 
 
