@@ -85,6 +85,8 @@ def _unsigned_bounds(description: Any, path: str | Path) -> dict[str, tuple[str 
 def _entries(variable: Any, bounds: tuple[str | None, str | None]) -> list[Entry]:
     """The scalars of a variable; fmpy lists aliases as variables."""
     name, shape = variable.name, tuple(variable.shape or ())
+    if variable.clocks:
+        return [Entry(variable, name, "Clocked")]
     if variable.type not in TYPES:  # texts, binary data, clocks
         return [Entry(variable, name, "Texts" if variable.type == "String" and shape else variable.type)]
     kind = TYPES[variable.type][0]
