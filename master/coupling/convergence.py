@@ -123,8 +123,8 @@ class ConvergenceMonitor:
         of = f"{self.names[k]} has a residual of {self.last[k]:.3g}"
         if self.exact is not None and self.exact[k]:
             return (
-                f"{of} and is passed on as it is, a whole number that has to repeat itself; use the explicit scheme, or "
-                "a smaller step."
+                f"{of} and is passed on as it is, a whole number that has to repeat itself; use the explicit scheme, "
+                "or a smaller step."
             )
         return f"{of}, its tolerance is {self.tolerance[k]:.3g}; raise atol or rtol if that residual is small enough."
 

@@ -38,6 +38,7 @@ class Connection:
     input: str
     factor: Any = 1.0
     offset: Any = 0.0
+    table: tuple[tuple[float, float], ...] = ()  # (sent, arriving) of discrete values, in place of the two
 
     @property
     def field(self) -> str:
@@ -48,21 +49,36 @@ class Connection:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
 
     def applied(self, values: np.ndarray) -> np.ndarray:
-        """What arrives when `values` are sent."""
+        """What arrives when `values` are sent; ValueError for one that the table does not have."""
+        if self.table:
+            return self._looked_up(values)
         arriving = self.applied_change(values)
         return arriving if _is(self.offset, 0.0) else arriving + self.offset
 
     def sent(self, arriving: np.ndarray) -> np.ndarray:
-        """What has to be sent for `arriving` to arrive."""
+        """What has to be sent for `arriving` to arrive; nan for what the table does not have."""
+        if self.table:
+            known = {arrives: sent for sent, arrives in reversed(self.table)}
+            flat = np.ravel(np.asarray(arriving, dtype=float)).tolist()
+            return np.reshape([known.get(value, np.nan) for value in flat], np.shape(arriving))
         return (arriving - self.offset) / self.factor
 
     def sent_bounds(self, low: Any, high: Any, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Between which values what is sent has to be, for what arrives to be within bounds (None: unbounded),
         (entries,) each.
         """
+        if self.table:
+            return np.full(int(np.prod(shape)), -np.inf), np.full(int(np.prod(shape)), np.inf)
         ends = (-np.inf if low is None else low, np.inf if high is None else high)
         a, b = (np.ravel(self.sent(np.broadcast_to(np.asarray(end, dtype=float), shape))) for end in ends)
         return np.minimum(a, b), np.maximum(a, b)
+
+    def _looked_up(self, values: np.ndarray) -> np.ndarray:
+        known, sent = dict(self.table), np.asarray(values, dtype=float)
+        for value in np.ravel(sent).tolist():
+            if value not in known:
+                raise ValueError(f"{self.field} is {value:g}, which the map of connection {self} does not have")
+        return np.reshape([known[value] for value in np.ravel(sent).tolist()], sent.shape)
 
     def applied_change(self, changes: np.ndarray) -> np.ndarray:
         """By how much what arrives changes when what is sent does by `changes`."""
@@ -274,7 +290,11 @@ class Exchange:
             inputs = []
             for c, field in self._inputs[name]:
                 known = x[fields[field]].reshape(shapes[c.input]) if field in fields else sent[field]
-                inputs.append((c, c.applied(known)))
+                if c.table:
+                    with self.booked(name, "got no input"):
+                        inputs.append((c, c.applied(known)))
+                else:
+                    inputs.append((c, c.applied(known)))
             self.received[name] = [values for _, values in inputs]
             with self.booked(name):
                 self._step(participant, name, inputs)

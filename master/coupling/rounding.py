@@ -20,8 +20,8 @@ class Rounding:
 
     `largest` is its largest norm so far: where a difference of large numbers becomes small, their rounding stays.
     `double`: some value of it was none of single precision; `changes` counts different values, `single` are fields
-    whose residual stopped falling at the rounding of single precision. `noise` is the largest residual norm that proved to be
-    rounding of inputs; `last` (n,) what was sent last.
+    whose residual stopped falling at the rounding of single precision. `noise` is the largest residual norm that proved
+    to be rounding of inputs; `last` (n,) what was sent last.
     """
 
     largest: np.ndarray = field(default_factory=lambda: np.zeros(0))

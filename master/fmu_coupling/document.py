@@ -1,7 +1,7 @@
-"""The TOML file of `kitecosim couple`: which FMUs, how they are connected, how they are solved. Checked whole."""
+"""The file of `kitecosim couple`, TOML or SSP: which FMUs, how connected, how solved together. Checked whole."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from master.fmu_coupling.entries import Table, nearest, toml_content
 from master.fmu_coupling.links import converted, one_sided
 from master.fmu_coupling.mapping import Described, Naming
 from master.fmu_coupling.settings import Settings, settings_in
+from master.fmu_coupling.ssp import Package, opened_package
 
 WALL_TIMES = ("total", "set_up", "master")  # beside the names of the participants
 
@@ -41,12 +42,37 @@ class Document:
     connections: tuple[Connection, ...]
     record: tuple[tuple[str, str], ...]
     described: Mapping[str, Described]
+    package: Package | None = None  # that the FMUs were unpacked from, which lives as long as the document
+    remarks: tuple[str, ...] = ()
 
     @classmethod
-    def read(cls, path: str | Path) -> "Document":
-        """The document in a file; ValueError in one sentence that names file, key and remedy if something is wrong."""
+    def read(cls, path: str | Path, settings: Mapping[str, Mapping[str, Any]] | None = None) -> "Document":
+        """The document in a file, TOML or SSP, with keys of [time] and [coupling] in `settings` in place of its own.
+
+        ValueError in one sentence that names file, key and remedy if something is wrong.
+        """
         path = Path(path)
-        return cls.of(toml_content(path, "a coupling of FMUs"), path.parent, str(path))
+        if path.suffix.lower() == ".ssp":
+            return cls._packed(path, settings or {})
+        content = _settled(toml_content(path, "a coupling of FMUs"), settings or {})
+        return cls.of(content, path.parent, str(path))
+
+    @classmethod
+    def _packed(cls, path: Path, settings: Mapping[str, Mapping[str, Any]]) -> "Document":
+        package = opened_package(path, WALL_TIMES)
+        content = _settled(package.content, settings)
+        if content["time"].get("mode") == "steady":
+            content["time"] = {key: value for key, value in content["time"].items() if key == "mode"} | dict(
+                settings.get("time", {})
+            )
+        for key in ("step", "stop") if content["time"].get("mode") != "steady" else ():
+            if key not in content["time"]:
+                raise ValueError(f"{path}: says no {key} of the time; give --{key}.")
+        try:
+            document = cls.of(content, package.files.folder, str(path))
+        except ValueError as error:
+            raise package.files.refused(str(error).removeprefix(f"{path}: ")) from None
+        return replace(document, package=package, remarks=(*package.remarks, *document.remarks))
 
     @classmethod
     def of(cls, content: Mapping[str, Any], folder: str | Path = ".", file: str = "coupling") -> "Document":
@@ -68,7 +94,8 @@ class Document:
             raise whole.wrong(f"[participants] holds {len(members)} participants; give at least two.")
         connections = _connections(whole, described)
         record = _record(whole, connections, described)
-        document = cls(file, settings, members, connections, record, described)
+        remarks = tuple(one_sided(connections, described))
+        document = cls(file, settings, members, connections, record, described, remarks=remarks)
         try:
             exchange = document.exchange(described)
             sent_back = exchange.fields(settings.order)
@@ -115,10 +142,10 @@ class Document:
         ]
         return max(*ends, s.start + s.count * s.step)
 
-    @property
-    def remarks(self) -> list[str]:
-        """What is worth a line before anything is run."""
-        return one_sided(self.connections, self.described)
+    def source(self, name: str) -> str:
+        """Where the FMU of a participant is: its file, or that of the package and its place in it."""
+        fmu = self.participants[name].fmu
+        return str(fmu) if self.package is None else f"{self.file}/{fmu.relative_to(self.package.files.folder)}"
 
     def unconnected(self) -> list[str]:
         """Inputs without a source, which keep their start values; those made of connected variables are left out."""
@@ -137,6 +164,16 @@ class Document:
                     missing = [block] if whole else [v for v in variables if v not in taken[name]]
                     left |= dict.fromkeys(f"{name}.{one}" for one in missing)
         return list(left)
+
+
+def _settled(content: Mapping[str, Any], settings: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """A content with some keys of its tables replaced."""
+    changed = {
+        name: {**content.get(name, {}), **keys}
+        for name, keys in settings.items()
+        if keys and isinstance(content.get(name, {}), Mapping)
+    }
+    return {**content, **changed}
 
 
 def _member(listed: Table, name: str, folder: Path) -> tuple[Member, Described]:
@@ -222,11 +259,11 @@ def _connections(whole: Table, described: Mapping[str, Described]) -> tuple[Conn
     found: list[Connection] = []
     taken: dict[tuple[str, str], str] = {}
     for table in whole.tables("connections"):
-        table.require_only("from", "to", "factor", "offset")
+        table.require_only("from", "to", "factor", "offset", "map")
         source = _end(table, "from", table.text("from"), described, "output")
         target = _end(table, "to", table.text("to"), described, "input")
-        c = Connection(*source, *target, table.factor(), table.number("offset", 0.0))
-        given = not table.content.keys().isdisjoint(("factor", "offset"))
+        c = Connection(*source, *target, table.factor(), table.number("offset", 0.0), _map(table))
+        given = not table.content.keys().isdisjoint(("factor", "offset", "map"))
         sent, wanted = described[c.source].blocks[c.output], described[c.target].blocks[c.input]
         if sent != wanted:
             raise table.wrong(f"{c.field} has shape {list(sent)}, but {c.target}.{c.input} {list(wanted)}; "
@@ -247,6 +284,18 @@ def _connections(whole: Table, described: Mapping[str, Described]) -> tuple[Conn
         if all(name not in (c.source, c.target) for c in found):
             raise whole.wrong(f"[participants.{name}] is in no connection; connect it, or leave it out.")
     return tuple(found)
+
+
+def _map(table: Table) -> tuple[tuple[float, float], ...]:
+    """The pairs (sent, arriving) of a connection, none where it has no map."""
+    pairs = table.content.get("map", [])
+    if not isinstance(pairs, list) or not all(
+        isinstance(pair, list) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair) for pair in pairs
+    ):
+        raise table.refused("map", f"must be pairs of numbers, [sent, arriving], not {pairs!r}.")
+    if pairs and ("factor" in table.content or "offset" in table.content):
+        raise table.refused("map", "does not go with factor and offset; leave these out.")
+    return tuple((float(sent), float(arriving)) for sent, arriving in pairs)
 
 
 def _record(

@@ -50,6 +50,11 @@ def _converted(ends: tuple[str, str], sent: Measured | None, wanted: Measured | 
 
 def _require_types(c: Connection, ends: tuple[str, str], sent: Limits, wanted: Limits) -> None:
     """ValueError in one sentence where an input cannot take every value of an output."""
+    if c.table:
+        value = wanted.foreign(np.array([arriving for _, arriving in c.table])) if wanted.kind != "real" else None
+        if value is not None:
+            raise ValueError(f"map has {value:g} for {ends[1]}, which takes {wanted.takes()}.")
+        return
     if wanted.kind not in WIDER[sent.kind]:
         takes = f"; {ends[1]} takes {wanted.takes()}" if wanted.kind == "enumeration" else ""
         article = {"Integer": "an", "Enumeration": "an"}.get(KINDS[wanted.kind], "a")

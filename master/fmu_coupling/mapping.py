@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy import platform, read_model_description
+from fmpy import platform, platform_tuple, read_model_description
 
 from master.coupling.participants import FmuParticipant
-from master.coupling.participants.blocks import Blocks, described_limits, grid, grouped
+from master.coupling.participants.blocks import NO_NUMBERS, Blocks, described_limits, grid, grouped
+from master.coupling.participants.fmi3 import scalars_of
 from master.coupling.participants.fmu import require_size
 from master.fmu_coupling.archive import model_description, require_library
 from master.fmu_coupling.entries import nearest
@@ -46,7 +47,7 @@ class Named:
 class Described(Blocks):
     """What an FMU says of itself, without an instance: its blocks, ours included, before anything is run.
 
-    ValueError in one sentence for what is no FMI 2.0 co-simulation FMU, and for a naming that does not fit.
+    ValueError in one sentence for what is no co-simulation FMU of FMI 2.0 or 3.0, and for a naming that does not fit.
     """
 
     def __init__(self, path: str | Path, names: Mapping[str, Naming] | None = None) -> None:
@@ -57,28 +58,39 @@ class Described(Blocks):
             require_size(path)
             root = model_description(path)
             version = root.get("fmiVersion")
-            description = read_model_description(str(path), validate=False) if version == "2.0" else None
+            read = version == "2.0" or str(version).startswith("3.")
+            description = read_model_description(str(path), validate=False) if read else None
+            scalars = [] if description is None else scalars_of(description, path)
         except Exception as error:
             if isinstance(error, ValueError) and str(error).startswith(str(path)):
                 raise
             raise ValueError(f"{path} is not a readable FMU: {' '.join(str(error).split()).rstrip('.')}.") from error
         if description is None or description.coSimulation is None:
             what = "not for co-simulation" if description is not None else f"of FMI {version}"
-            raise ValueError(f"{path} is {what}; export it as an FMI 2.0 co-simulation FMU.")
-        require_library(path, description.coSimulation.modelIdentifier, platform)
+            raise ValueError(f"{path} is {what}; export it as a co-simulation FMU of FMI 2.0 or 3.0.")
+        here = platform if version == "2.0" else platform_tuple
+        require_library(path, description.coSimulation.modelIdentifier, here)
         self.units = units_of(root)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.only_once = bool(description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         self.model, self.tool = description.modelName, description.generationTool
-        self._variables = {variable.name: variable for variable in description.modelVariables}
-        scalars = grouped(description.modelVariables)
-        self._arrays = {name: tuple(v.name for v in listed) for name, (listed, _) in scalars.items()}
-        self._shapes = {name: shape for name, (_, shape) in scalars.items()}
+        self._variables = {variable.name: variable for variable in scalars}
+        self.unit_definitions = description.unitDefinitions
+        blocks = grouped(scalars)
+        self._arrays = {name: tuple(v.name for v in listed) for name, (listed, _) in blocks.items()}
+        self._shapes = {name: shape for name, (_, shape) in blocks.items()}
+        # FMI 3.0 declares an array, of which its entries have their unit
+        self._declared = {v.name: v.array.name for v in scalars if hasattr(v, "array")}
         self.elements: dict[str, Named] = {}  # of arrays, which are blocks by themselves too
         self.named = {name: self._found(name, naming) for name, naming in (names or {}).items()}
-        scalars |= {n: ([self._variables[v] for v in block.variables], block.shape) for n, block in self.named.items()}
-        self.blocks = {name: shape for name, (_, shape) in scalars.items()}
-        self.limits = {name: described_limits(*block) for name, block in scalars.items()}
+        blocks |= {n: ([self._variables[v] for v in block.variables], block.shape) for n, block in self.named.items()}
+        self.blocks = {name: shape for name, (_, shape) in blocks.items()}
+        self.limits = {name: described_limits(*block) for name, block in blocks.items()}
+
+    @property
+    def variables(self) -> Mapping[str, Any]:
+        """The scalar variables of the FMU by name, as fmpy describes them."""
+        return self._variables
 
     def scalars(self, block: str) -> tuple[str, ...]:
         """The variables of the FMU that make a block."""
@@ -86,8 +98,9 @@ class Described(Blocks):
 
     def unknown(self, block: str) -> str:
         """The sentence about a name that there is not."""
-        if block in self._variables and self._variables[block].type == "String":
-            return f"{self.name} has '{block}' as a text, and only numbers can be exchanged; leave it out."
+        what = NO_NUMBERS.get(self._variables[block].type) if block in self._variables else None
+        if what is not None:
+            return f"{self.name} has '{block}' as {what}, and only numbers can be exchanged; leave it out."
         return f"{self.name} has no variable or block '{block}'; {nearest(block, self._names())}"
 
     def knows(self, name: str) -> bool:
@@ -95,7 +108,7 @@ class Described(Blocks):
         if name in self.blocks:
             return True
         variable = self._variables.get(name)
-        if variable is None or variable.type == "String":
+        if variable is None or variable.type in NO_NUMBERS:
             return False
         self.named[name] = self.elements[name] = Named((name,), ())
         self.blocks[name], self.limits[name] = (), described_limits([variable], ())
@@ -107,7 +120,7 @@ class Described(Blocks):
         """
         if block in self.named and self.named[block].own:
             return []
-        units = [self.units.get(variable) for variable in self.scalars(block)]
+        units = [self.units.get(self._declared.get(variable, variable)) for variable in self.scalars(block)]
         return units[:1] if all(unit == units[0] for unit in units) else units
 
     def raw(self, block: str, values: Any) -> np.ndarray:
@@ -142,7 +155,13 @@ class Described(Blocks):
         variable = self._variables.get(name)
         if variable is None or variable.type != "String":
             known = [v.name for v in self._variables.values() if v.type == "String"]
-            what = "takes numbers" if name in self.blocks else "is not there"
+            what = (
+                "takes numbers"
+                if name in self.blocks
+                else "is not there"
+                if variable is None
+                else (f"is {NO_NUMBERS[variable.type]}")
+            )
             raise ValueError(f"{self.name}: '{name}' {what}; texts go to: {', '.join(known) or 'none'}.")
         if variable.causality not in ("input", "parameter"):
             raise ValueError(f"{self.name}: '{name}' cannot be set, its causality is {variable.causality}.")
@@ -173,7 +192,7 @@ class Described(Blocks):
                         f"block '{name}' mixes variables of different {kind}: {first.name} is {a}, {other.name} "
                         f"is {b}; make two blocks of them."
                     )
-        if first.type == "String":
+        if first.type in NO_NUMBERS:
             raise ValueError(self.unknown(first.name))
         if naming.factor not in (None, 1.0) and first.type != "Real":
             raise ValueError(f"block '{name}' has a factor, but '{first.name}' is no Real; leave the factor out.")

@@ -1,4 +1,4 @@
-"""Any FMI 2.0 co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
+"""Any co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
 
 import contextlib
 import os
@@ -78,7 +78,7 @@ def couple(
         ended = run.ended()
         seconds = {"total": time.perf_counter() - begin, "set_up": ready - begin, **ended.seconds}
         logs = {name: list(p.fmu.messages) for name, p in exchange.participants.items()}  # type: ignore[attr-defined]
-        remarks = [*document.remarks, *exchange.remarks, *_said(exchange), *run.keeper.remarks]
+        remarks = [*exchange.remarks, *_said(exchange), *run.keeper.remarks]
         result = CoupleResult(
             ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs, remarks
         )

@@ -16,6 +16,7 @@ from interface import Criterion
 from interface.variables import allowed, first_outside
 
 SINGLE, DOUBLE = 1e-6, 1e-12  # rounding of a few operations in single and double precision, relative
+NO_NUMBERS = {"String": "a text", "Texts": "an array of texts", "Binary": "binary data", "Clock": "a clock"}  # types
 INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j]
 
 
@@ -161,7 +162,7 @@ def grouped(variables: Iterable[Any]) -> dict[str, tuple[list[Any], tuple[int, .
     """
     groups: dict[str, list[tuple[tuple[int, ...], Any]]] = {}
     for variable in variables:
-        if variable.type != "String":
+        if variable.type not in NO_NUMBERS:
             found = INDEXED.fullmatch(variable.name)
             name, indices = found.groups() if found else (variable.name, "")
             place = tuple(map(int, indices.split(","))) if indices else ()

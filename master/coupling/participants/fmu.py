@@ -1,10 +1,11 @@
-"""An FMI 2.0 co-simulation FMU as a participant.
+"""A co-simulation FMU of FMI 2.0 or 3.0 as a participant.
 
 An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one C call a block on prebuilt arrays.
 """
 
 import contextlib
 import errno
+import functools
 import itertools
 import os
 import time
@@ -17,12 +18,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy import calloc, extract, free, platform, read_model_description
+from fmpy import calloc, extract, free, platform, platform_tuple, read_model_description
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
 from master.coupling.participants.blocks import Blocks, Channel, described_limits, grouped
 from master.coupling.participants.ended_steps import failure, finished
+from master.coupling.participants.fmi3 import Fmi3Library, scalars_of
 from master.coupling.participants.private_folder import PrivateFolder
 
 # fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call and
@@ -55,7 +57,8 @@ _WARNING, _DISCARD, _ERROR, _FATAL = 1, 2, 3, 4  # fmi2Status
 
 def _needed(path: str) -> bool:
     """Whether a file of an FMU is of use here: the binaries of other platforms are not."""
-    return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
+    here = f"binaries/{platform}/", f"binaries/{platform_tuple}/"  # of FMI 2.0 and 3.0
+    return not path.startswith("binaries/") or path.startswith(here)
 
 
 def require_size(path: str | Path) -> None:
@@ -82,7 +85,7 @@ class FMU2Sparse(FMU2Slave):  # fmpy tells the version of FMI by the first lette
 
 
 class FmuParticipant(Blocks):
-    """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
+    """Any co-simulation FMU of FMI 2.0 or 3.0, initialised and ready to step; use it as a context manager or close it.
 
     `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
     makes blocks beside those of `name[i,j]` (`own_blocks`): name -> (variables in row-major order, shape). `instance`
@@ -144,6 +147,7 @@ class FmuParticipant(Blocks):
         begin = time.perf_counter()
         self._require(self._alive().fmi2ExitInitializationMode, self._component)
         self.initialisation_s += time.perf_counter() - begin
+        self._channels.clear()
         self._initialised = True
 
     def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
@@ -159,15 +163,16 @@ class FmuParticipant(Blocks):
             raise ValueError(f"{path} is not a readable FMU: {error}") from error
         except Exception as error:
             raise ValueError(f"{path} is not a readable FMU: {error}") from error
-        if description.fmiVersion != "2.0" or description.coSimulation is None:
-            raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
+        if not description.fmiVersion.startswith(("2.", "3.")) or description.coSimulation is None:
+            raise ValueError(f"{path} is not a co-simulation FMU of FMI 2.0 or 3.0.")
         self.guid = str(description.guid)
         self._ours = str(description.generationTool).startswith(OURS)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
-        variables = {variable.name: variable for variable in description.modelVariables}
+        scalars = scalars_of(description, self._folder)
+        variables = {variable.name: variable for variable in scalars}
         self._texts = {name: v.valueReference for name, v in variables.items() if v.type == "String"}
-        self._scalars = grouped(description.modelVariables)
+        self._scalars = grouped(scalars)
         self.own_blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self._scalars |= {name: ([variables[v] for v in listed], shape) for name, (listed, shape) in named.items()}
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
@@ -184,7 +189,9 @@ class FmuParticipant(Blocks):
         try:
             where = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": self._folder}
             where["instanceName"] = self._named(description.coSimulation.modelIdentifier)
-            fmu = FMU2Sparse(guid=description.guid, requireFunctions=False, **where)
+            where["guid"] = description.guid
+            three = description.fmiVersion.startswith("3.")
+            fmu = Fmi3Library(scalars, self._hear, **where) if three else FMU2Sparse(requireFunctions=False, **where)
             with self._called():
                 fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
@@ -214,6 +221,12 @@ class FmuParticipant(Blocks):
         finally:
             _CALLED.pop()
 
+    def _hear(self, status: int, message: bytes) -> None:
+        try:
+            self.hear(status, message.decode("utf-8", "replace"))
+        except KeyboardInterrupt:  # C cannot hand it on
+            self.interrupted = True
+
     def hear(self, status: int, message: str) -> None:
         """Take a message of the FMU."""
         self.messages.append((status, message))
@@ -238,6 +251,8 @@ class FmuParticipant(Blocks):
         finally:
             _CALLED.pop()
         if status == _FATAL:
+            if isinstance(self._fmu, Fmi3Library):
+                self._fmu.keep()
             self._fmu = None  # no further call is allowed, not even the one that frees it
             self._end = f"ended with fmi2Fatal: {self._reason or 'no reason logged'}"
             raise RuntimeError(f"{self.name} {self._end}")
@@ -265,7 +280,8 @@ class FmuParticipant(Blocks):
         channel = self._channels.get(block)
         if channel is None:
             self.shape(block)
-            channel = self._channels[block] = Channel(self._alive(), self._component, *self._scalars[block])
+            make = getattr(self._fmu, "channel", None) or functools.partial(Channel, self._alive())
+            channel = self._channels[block] = make(self._component, *self._scalars[block])
         return channel
 
     def _put(self, block: str, array: np.ndarray) -> None:
