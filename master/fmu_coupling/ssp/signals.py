@@ -203,8 +203,8 @@ class Signals:
             try:
                 way = way.scaled(*conversion(unit, wanted, relative))
             except ValueError as error:
-                raise self.files.refused(f"what arrives at {self.name(at)} does not suit: {error}; give a "
-                                         "transformation with suppressUnitConversion, or define the units.") from None  # fmt: skip
+                why = f"{error}; give a transformation with suppressUnitConversion, or define the units."
+                raise self.files.refused(f"what arrives at {self.name(at)} does not suit: {why}") from None
         if transformation is not None:
             way = self._transformed(way, at, transformation, ends)
         return way, wanted or unit
