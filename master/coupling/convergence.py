@@ -142,6 +142,10 @@ class ConvergenceMonitor:
         """Do not count earlier evaluations as time without progress."""
         self.progressed_at = len(self.history)
 
+    def renew(self) -> None:
+        """The map has become another: what the residual was before is no measure."""
+        self.first, self.best = 0.0, math.inf
+
     def stalled(self, window: int) -> bool:
         """Whether the smallest measure has not fallen within `window` evaluations, nor is m on its way down."""
         if len(self.history) - self.progressed_at <= window:

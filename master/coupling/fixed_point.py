@@ -113,8 +113,9 @@ def fixed_point(
 
     `admissible` says which entries are whole numbers, which no scheme sees and no residual of which is tolerated, and
     between which bounds updates have to stay. `floors` learns from evaluations below which residuals rounding leaves
-    nothing to gain, tolerances count from there. A map that refuses a point for good (StepDiscarded) is not asked for
-    it again, one that asks for the end (SimulationEnded) for nothing more; the status of that is "terminated".
+    nothing to gain, tolerances count from there; where G repeats itself to the last bit, x_tilde is tried next. A map
+    that refuses a point for good (StepDiscarded) is not asked for it again, one that asks for the end (SimulationEnded)
+    for nothing more; the status of that is "terminated".
     """
     _require(max_iterations, growth_limit, stall_window, recoveries)
     x0 = np.array(x0, dtype=float)
@@ -194,6 +195,7 @@ def _judged(
     """How the loop ends after an evaluation with finite `norms` (fields, 2) of r and x_tilde, None if it goes on."""
     p, monitor = loop.progress, loop.progress.monitor
     k = p.evaluations
+    loop.notice(x)
     measure = monitor.measure(norms[:, 0], norms[:, 1])
     if monitor.converged:
         return "converged", f"Converged in {k} evaluations of G."
@@ -230,6 +232,8 @@ def _judged(
     if not more:
         return "max_iterations", f"Not converged within {max_iterations} evaluations of G; {monitor.worst()}"
     failure = loop.advance(x, r)
+    if floors is not None and loop.repeated(x + r) and not failure:
+        p.x = x + r  # x does not matter to the last bit of G there, so that this is the fixed point, if any
     return ("diverged", f"After evaluation {k} {failure}.") if failure else None
 
 

@@ -215,7 +215,10 @@ def march(
             except StepFailed as error:
                 if status == "converged":
                     status = "diverged"
-                    message = f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}."
+                    message = (
+                        f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}; use the explicit "
+                        "scheme, which repeats no step, or declare a participant without memory memoryless."
+                    )
                 break
             if scheme is None:
                 ended, found = _explicit_step(exchange, now, order, recoveries)

@@ -77,6 +77,7 @@ class Loop:
         self.progress, self.scheme, self.recoveries, self.anchor = progress, scheme, recoveries, anchor
         self.admissible, self.parts = admissible, parts
         self._whole: np.ndarray | None = None  # whole numbers of the evaluation before
+        self._x_tilde: np.ndarray | None = None  # of the evaluation before
 
     def mark(self, x: np.ndarray, r: np.ndarray) -> str:
         """Remember the best pair, and the state that goes with it; why that failed, if it did."""
@@ -87,6 +88,22 @@ class Loop:
         except ArithmeticError as error:
             return str(error).rstrip(".")
         return ""
+
+    def notice(self, x: np.ndarray) -> None:
+        """Before an evaluation at x counts: where its whole numbers are others than those of the one before, the map is
+        another, across which the scheme takes no difference and residuals are not compared.
+        """
+        if self.admissible is not None and self.admissible.whole.any():
+            whole, self._whole = self._whole, x[self.admissible.whole]
+            if whole is not None and not np.array_equal(whole, self._whole):
+                self.scheme.begin(self.parts)
+                self.progress.monitor.renew()
+
+    def repeated(self, x_tilde: np.ndarray) -> bool:
+        """Whether G gave the same to the last bit as the time before."""
+        same = self._x_tilde is not None and np.array_equal(x_tilde, self._x_tilde)
+        self._x_tilde = x_tilde
+        return same
 
     def advance(self, x: np.ndarray, r: np.ndarray) -> str:
         """By the scheme; an update that fails or is not finite makes it restart. Why there is none, if so."""
@@ -106,17 +123,11 @@ class Loop:
         return ""
 
     def _stepped(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """The next x of the scheme, which sees no whole numbers, and takes no difference across a change of theirs:
-        that is a change of the map.
-        """
+        """The next x of the scheme, which sees no whole numbers."""
         allowed = self.admissible
         if allowed is None:
             stepped: np.ndarray = self.scheme.step(x, r)
             return stepped
-        if allowed.whole.any():
-            whole, self._whole = self._whole, x[allowed.whole]
-            if whole is not None and not np.array_equal(whole, self._whole):
-                self.scheme.begin(self.parts)
         x_next = x + r
         if not allowed.whole.all():
             x_next[~allowed.whole] = self.scheme.step(allowed.free(x), allowed.free(r))

@@ -30,6 +30,9 @@
 #ifndef STATUS
 #define STATUS 3
 #endif
+#ifndef ANSWER
+#define ANSWER 0
+#endif
 #ifndef TERMINATED
 #define TERMINATED 0
 #endif
@@ -135,7 +138,7 @@ EXPORT int fmi2GetStatus(void *c, int kind, int *value)
 {
     guest *me = c;
     me->asked++;
-    return kind == 0 ? (*value = STATUS, 0) : 2;
+    return kind == 0 ? (*value = STATUS, ANSWER) : 2;
 }
 EXPORT int fmi2GetRealStatus(void *c, int kind, double *value)
 {

@@ -1,7 +1,6 @@
 """FMUs of other makers with one peculiarity each, compiled from `guest.c` with code that a test gives."""
 
 import functools
-import hashlib
 import shutil
 import subprocess
 import sys
@@ -26,17 +25,19 @@ def described(name, variables, units="", types="", attributes="", identifier=Non
         f"<{kind}{_start(c, kind, more)} {more}/></ScalarVariable>"
         for n, v, c, kind, more in variables
     )
-    can = "canGetAndSetFMUstate" not in attributes and 'canGetAndSetFMUstate="true"' or ""
+    can = "" if "canGetAndSetFMUstate" in attributes else 'canGetAndSetFMUstate="true"'
+    above = (units and f"<UnitDefinitions>{units}</UnitDefinitions>") + (
+        types and f"<TypeDefinitions>{types}</TypeDefinitions>"
+    )
     return (
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="2.0" modelName="{name}" guid="{name}">'
         f'<CoSimulation modelIdentifier="{identifier or name}" canHandleVariableCommunicationStepSize="true" {can} '
         f"{attributes}/>"
-        f"{units and f'<UnitDefinitions>{units}</UnitDefinitions>'}{types and f'<TypeDefinitions>{types}</TypeDefinitions>'}"
-        f"<ModelVariables>{listed}</ModelVariables><ModelStructure/></fmiModelDescription>"
+        f"{above}<ModelVariables>{listed}</ModelVariables><ModelStructure/></fmiModelDescription>"
     )
 
 
-VARIABILITY = {c: ' variability="discrete"' for c in ("input", "output", "local")} | {
+VARIABILITY = dict.fromkeys(("input", "output", "local"), ' variability="discrete"') | {
     "parameter": ' variability="fixed"'
 }
 
@@ -90,8 +91,3 @@ def coupling(participants, connections, stop=1.0, step=0.1, record=None, **setti
         "connections": [dict(zip(("from", "to"), ends[:2], strict=True)) | dict(*ends[2:]) for ends in connections],
     }
     return content | ({"results": {"record": record}} if record else {})
-
-
-def digest(content):
-    """A short name of a content."""
-    return hashlib.sha256(repr(content).encode()).hexdigest()[:8]
