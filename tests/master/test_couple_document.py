@@ -86,7 +86,7 @@ MISTAKES = [
     ({FLUID + "/start/stiffness": "soft"}, "fluid.fmu: 'stiffness' takes numbers; texts go to: table."),
     ({FLUID + "/start/tabel": "t.csv"}, "fluid.fmu: 'tabel' is not there; texts go to: table."),
     ({"connections/0/from": "fluid.table"}, "fluid.fmu has 'table' as a text, and only numbers can be exchanged"),
-    ({FLUID + "/start/fail_at": 0.5}, "block 'fail_at' takes whole numbers."),
+    ({FLUID + "/start/fail_at": 0.5}, "block 'fail_at' takes whole numbers, not 0.5."),
     ({WALL + "/blocks/position": "p_#"}, "block 'position': no variable of wall.fmu matches 'p_#'; did you mean "),
     ({WALL + "/blocks/position": "Q_1"}, "wall.fmu has no variable or block 'Q_1'; did you mean q_1"),
     ({WALL + "/blocks/position": ["q_1", "v_1"]}, "block 'position' mixes variables of different causality: q_1 is "

@@ -237,7 +237,7 @@ def test_a_ring_of_arrays_is_solved_in_every_step(signals):
     ("trouble", "sentence"),
     [
         (2, "participant a refused a step: the step is too large"),
-        (-2, r"participant a refused a step: the step from 0\.1 s asks for the end of the simulation at 0\.15 s"),
+        (-2, r"participant a asks to end the simulation at 0\.15 s"),
         (102, "ended with fmi3Fatal: there is no way on"),
     ],
 )

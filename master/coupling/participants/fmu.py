@@ -12,7 +12,7 @@ import time
 import weakref
 import zipfile
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from ctypes import byref, c_char, c_char_p, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
@@ -22,19 +22,22 @@ from fmpy import calloc, extract, free, platform, platform_tuple, read_model_des
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
-from interface import StepFailed
 from master.coupling.participants.blocks import Blocks, Channel, described_limits, grouped
+from master.coupling.participants.ended_steps import failure, finished
 from master.coupling.participants.fmi3 import Fmi3Library, scalars_of
 from master.coupling.participants.private_folder import PrivateFolder
 
-# fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
-# lives for ever, and finds the participant by the environment pointer that FMI hands through.
+# fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call and
+# lives for ever. What arrives during a call is of the participant that is called: many FMUs hand on a pointer of their
+# own, or none, instead of the environment they were given. That counts only between calls (threads of an FMU).
 _LISTENERS: "weakref.WeakValueDictionary[int, FmuParticipant]" = weakref.WeakValueDictionary()
 _NUMBERS = itertools.count(1)
+_CALLED: "list[FmuParticipant]" = []  # the last one is called now
+_NAMES: "weakref.WeakValueDictionary[str, FmuParticipant]" = weakref.WeakValueDictionary()  # of living instances
 
 
 def _hear(environment: int, _instance: bytes, status: int, _category: bytes, message: bytes) -> None:
-    participant = _LISTENERS.get(environment)
+    participant = _CALLED[-1] if _CALLED else _LISTENERS.get(environment)
     try:
         if participant is not None and message is not None:
             participant.hear(status, message.decode("utf-8", "replace"))
@@ -47,6 +50,8 @@ _LOGGER = fmi2CallbackLoggerTYPE(_hear)
 _PROXIED = fmi2CallbackFunctions()
 _PROXIED_POINTER = byref(_PROXIED)
 LARGEST = 4 * 2**30  # bytes of an FMU that is unpacked
+ALARMS = 20  # different errors in calls that succeeded which are kept
+OURS = "kitecosim"  # how the tool that made our FMUs is called
 _WARNING, _DISCARD, _ERROR, _FATAL = 1, 2, 3, 4  # fmi2Status
 
 
@@ -83,9 +88,12 @@ class FmuParticipant(Blocks):
     """Any co-simulation FMU of FMI 2.0 or 3.0, initialised and ready to step; use it as a context manager or close it.
 
     `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
-    makes blocks beside those of `name[i,j]` (`own_blocks`): name -> (variables in row-major order, shape). What the
-    FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs. `initialisation_s` is the time
-    that its initialisation took, in which an FMU computes its outputs for the first time.
+    makes blocks beside those of `name[i,j]` (`own_blocks`): name -> (variables in row-major order, shape). `instance`
+    is the name of the instance, unique as FMI asks; by default that of the model, with a number if it is taken. What
+    the FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs, `alarms` the errors that it
+    logged in calls that succeeded. `initialisation_s` is the time that its initialisation took, in which an FMU
+    computes its outputs for the first time; with `initialise` False that is left to `enter_initialization` and
+    `exit_initialization`, and inputs can be set between the two.
     """
 
     def __init__(
@@ -96,9 +104,14 @@ class FmuParticipant(Blocks):
         stop_time: float | None = None,
         named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]] | None = None,
         texts: Mapping[str, str] | None = None,
+        instance: str | None = None,
+        initialise: bool = True,
     ) -> None:
-        self.name = Path(path).name
+        self.name, self.instance = Path(path).name, instance
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
+        self.alarms: dict[str, None] = {}
+        self.outside: dict[str, float] = {}
+        self._times = start_time, stop_time
         if not Path(path).is_file():
             raise ValueError(f"There is no FMU {path}.")
         self._private = PrivateFolder()
@@ -111,20 +124,31 @@ class FmuParticipant(Blocks):
             self._load(path, named or {})
             for block, value in (parameters or {}).items():
                 self._put(block, self.checked(block, value, start=True))
-            dll, defined = self._alive(), stop_time is not None
             for name, text in (texts or {}).items():
                 reference, value = (c_uint * 1)(self._texts[name]), (c_char_p * 1)(text.encode())
-                self._require(dll.fmi2SetString, self._component, reference, 1, value)
-            self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
-            begin = time.perf_counter()
-            self._require(dll.fmi2EnterInitializationMode, self._component)
-            self._require(dll.fmi2ExitInitializationMode, self._component)
-            self.initialisation_s = time.perf_counter() - begin
-            self._channels.clear()
-            self._initialised = True
+                self._require(self._alive().fmi2SetString, self._component, reference, 1, value)
+            if initialise:
+                self.enter_initialization()
+                self.exit_initialization()
         except BaseException:
             self.close()
             raise
+
+    def enter_initialization(self) -> None:
+        """Into initialization mode, with the start values that were given."""
+        dll, (start, stop) = self._alive(), self._times
+        begin = time.perf_counter()
+        self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start, stop is not None, stop or 0.0)
+        self._require(dll.fmi2EnterInitializationMode, self._component)
+        self.initialisation_s = time.perf_counter() - begin
+
+    def exit_initialization(self) -> None:
+        """Out of initialization mode: ready to step."""
+        begin = time.perf_counter()
+        self._require(self._alive().fmi2ExitInitializationMode, self._component)
+        self.initialisation_s += time.perf_counter() - begin
+        self._channels.clear()
+        self._initialised = True
 
     def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
         """Unpack, describe and instantiate."""
@@ -142,6 +166,7 @@ class FmuParticipant(Blocks):
         if not description.fmiVersion.startswith(("2.", "3.")) or description.coSimulation is None:
             raise ValueError(f"{path} is not a co-simulation FMU of FMI 2.0 or 3.0.")
         self.guid = str(description.guid)
+        self._ours = str(description.generationTool).startswith(OURS)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
         scalars = scalars_of(description, self._folder)
@@ -163,10 +188,12 @@ class FmuParticipant(Blocks):
         before = os.getcwd()
         try:
             where = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": self._folder}
+            where["instanceName"] = self._named(description.coSimulation.modelIdentifier)
             where["guid"] = description.guid
             three = description.fmiVersion.startswith("3.")
             fmu = Fmi3Library(scalars, self._hear, **where) if three else FMU2Sparse(requireFunctions=False, **where)
-            fmu.instantiate(callbacks=callbacks, loggingOn=True)
+            with self._called():
+                fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
             why = " ".join((self._reason or str(error)).split())
             raise ValueError(f"{path} cannot be instantiated: {why}") from error
@@ -174,6 +201,25 @@ class FmuParticipant(Blocks):
             os.chdir(before)  # fmpy leaves the working directory when a library does not load
         self._fmu, self._component = fmu, fmu.component
         self._step = fmu.dll.fmi2DoStep
+        # PythonFMU, and our binary, say fmi2Terminated of every step that was not made
+        self._terminates = not (self._ours or hasattr(fmu.dll, "finalizePythonInterpreter"))
+
+    def _named(self, model: str) -> str:
+        """The name of the instance, which is taken from now on."""
+        if self.instance is None:
+            free = (name for k in itertools.count(1) if (name := model if k == 1 else f"{model}_{k}") not in _NAMES)
+            self.instance = next(free)
+        _NAMES[self.instance] = self
+        return self.instance
+
+    @contextlib.contextmanager
+    def _called(self) -> Iterator[None]:
+        """What is logged meanwhile is of this participant."""
+        _CALLED.append(self)
+        try:
+            yield
+        finally:
+            _CALLED.pop()
 
     def _hear(self, status: int, message: bytes) -> None:
         try:
@@ -199,7 +245,11 @@ class FmuParticipant(Blocks):
         self._worst, self._reason = 0, ""
         _PROXIED.logger = _LOGGER
         addLoggerProxy(_PROXIED_POINTER)
-        status: int = function(*arguments)
+        _CALLED.append(self)
+        try:
+            status: int = function(*arguments)
+        finally:
+            _CALLED.pop()
         if status == _FATAL:
             version = 2
             if isinstance(self._fmu, Fmi3Library):
@@ -214,10 +264,19 @@ class FmuParticipant(Blocks):
         return status
 
     def _require(self, function: Any, *arguments: Any) -> None:
-        """A call that has to succeed. A logged error counts too: PythonFMU has no status for it but fmi2Fatal."""
+        """A call that has to succeed. Errors that are logged in calls that succeed are kept as `alarms`; but where an
+        FMU of ours runs in PythonFMU's binary, which has no status for them but fmi2Fatal, they count.
+        """
         status = self._call(function, *arguments)
-        if status > _WARNING or self._worst > _DISCARD:
+        if status > _WARNING or (self._worst > _DISCARD and self._ours):
             raise ValueError(f"{self.name}: {self._reason or f'status {status} of {function.__name__}'}")
+        if self._worst > _DISCARD:
+            self._alarm()
+
+    def _alarm(self) -> None:
+        """Keep an error that was logged in a call that succeeded."""
+        if len(self.alarms) < ALARMS:
+            self.alarms[self._reason] = None
 
     def _channel(self, block: str) -> Channel:
         channel = self._channels.get(block)
@@ -231,18 +290,34 @@ class FmuParticipant(Blocks):
         channel = self._channel(block)
         channel.values[...] = array
         if not np.array_equal(channel.values, array):
-            raise ValueError(f"{self.name}: block {block!r} takes whole numbers.")
+            raise ValueError(f"{self.name}: block {block!r} takes whole numbers of {8 * channel.values.itemsize} bits.")
         self._require(channel.set_, *channel.arguments)
 
     def set(self, block: str, values: Any) -> None:
         """See Participant."""
         self._put(block, self.checked(block, values))
 
+    def receive(self, block: str, values: Any) -> None:
+        """Take what a source sends: as `set`, but a value at a bound may be outside by rounding, and what lies farther
+        outside is left to the FMU to judge.
+        """
+        self._put(block, self.arriving(block, values))
+
     def step(self, t: float, dt: float) -> None:
-        """See Participant."""
+        """See Participant; `SimulationEnded` where the FMU asks for the end, `StepDiscarded` where it refuses."""
         status = self._call(self._step, self._component, t, dt, not self.saves_state)
         if status > _WARNING:
-            raise StepFailed(self._reason or f"{self.name} returned status {status} from fmi2DoStep")
+            with self._called():
+                ended = finished(self._fmu.dll, self._component, status)
+                if ended > _WARNING:
+                    told, dll = self._told(), self._fmu.dll
+                    raise failure(dll, self._component, ended, (t, dt), told, self._terminates)
+        if self._worst > _DISCARD:
+            self._alarm()
+
+    def _told(self) -> str:
+        """What the FMU logged as the reason of a failure; nothing where that is mere information."""
+        return self._reason if self._worst >= _WARNING else ""
 
     def get(self, block: str) -> np.ndarray:
         """See Participant."""
@@ -300,9 +375,12 @@ class FmuParticipant(Blocks):
             if self._initialised:
                 self._call(self._alive().fmi2Terminate, self._component)
         if self._fmu is not None:
-            self._fmu.fmi2FreeInstance(self._component)
-            with contextlib.suppress(AttributeError):
-                self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
-            self._fmu.freeLibrary()
+            with self._called():
+                self._fmu.fmi2FreeInstance(self._component)
+                with contextlib.suppress(AttributeError):
+                    self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
+                self._fmu.freeLibrary()
         self._fmu = None
+        if _NAMES.get(self.instance or "") is self:
+            del _NAMES[self.instance or ""]
         self._private.close()
