@@ -1,6 +1,7 @@
 /* An FMU of FMI 3.0 with a variable of every type, which takes nothing that the standard does not allow.
  *
- * Every output is one more than the input of its type after a step (Boolean: its opposite), y = x + sum of all x so far.
+ * Value references 48 and 68 are an enumeration, which Int64 carries, as input and as it arrives at the output. Every
+ * other output is one more than the input of its type after a step (Boolean: its opposite), y = x + sum of all x so far.
  * A function of another type than the variable has, a count of values that is not that of the arrays, and a get before
  * the initialisation are errors. Step number `trouble` is discarded, asks for the end (-), or ends with fmi3Fatal.
  */
@@ -16,7 +17,7 @@ enum { FLOAT64, FLOAT32, INT8, UINT8, INT16, UINT16, INT32, UINT32, INT64, UINT6
 enum { X = 0, Y = 20, STEPS = 40, TROUBLE = 41, MATRIX = 6, PLACES = 12 };
 typedef void (*logger_type)(void *, int, const char *, const char *);
 typedef struct {
-    long double value[KINDS + 50][PLACES]; /* by value reference; a long double holds every Int64 and UInt64 */
+    long double value[KINDS + 70][PLACES]; /* by value reference; a long double holds every Int64 and UInt64 */
     double sum[MATRIX], time;
     bool initialised;
     char label[40];
@@ -118,6 +119,7 @@ EXPORT int fmi3DoStep(void *c, double t, double dt, bool no_state_before, bool *
             m->value[kind + 20][k] = kind == BOOLEAN ? in == 0 : in + 1;
         }
     m->value[43][0] = powl(2, 60) + number;
+    m->value[68][0] = m->value[48][0];
     *last = m->time = number == -trouble ? t + 0.5 * dt : t + dt;
     *terminate = number == -trouble;
     return 0;

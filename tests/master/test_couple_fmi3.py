@@ -111,6 +111,13 @@ def test_every_type_is_set_and_got_whole_and_by_entry(signals, kind):
         assert np.array_equal(fmu.get(f"y_{kind}"), expected)
 
 
+def test_an_enumeration_is_carried_as_a_whole_number(signals):
+    with MappedParticipant(signals / "signals.fmu", start={"x_gear": 2}) as fmu:
+        assert fmu.get("x_gear") == 2
+        fmu.step(0.0, 0.1)
+        assert fmu.get("y_gear") == 2
+
+
 def test_single_precision_is_rounded_once_and_doubles_not_at_all(signals):
     with MappedParticipant(signals / "signals.fmu") as fmu:
         fmu.set("x_Float32", [0.1, 1.0 / 3.0])
@@ -166,6 +173,11 @@ def test_a_restored_state_repeats_a_step_and_its_bytes_do_so_in_another_instance
         ("rows", 3, "block 'rows' cannot be set, its causality is structuralParameter"),
         ("image", 3, "has 'image' as binary data, and only numbers can be exchanged; leave it out"),
         ("tick", 3, "has 'tick' as a clock, and only numbers can be exchanged; leave it out"),
+        (
+            "sample",
+            3,
+            "has 'sample' as a value at the ticks of a clock, and only numbers can be exchanged; leave it out",
+        ),
         ("labels", 3, "has 'labels' as an array of texts, and only numbers can be exchanged; leave it out"),
     ],
 )
@@ -226,7 +238,7 @@ def test_a_ring_of_arrays_is_solved_in_every_step(signals):
     [
         (2, "participant a refused a step: the step is too large"),
         (-2, r"participant a asks to end the simulation at 0\.15 s"),
-        (102, "ended with fmi2Fatal: there is no way on"),
+        (102, "ended with fmi3Fatal: there is no way on"),
     ],
 )
 def test_a_step_that_is_discarded_ends_or_is_fatal_ends_the_run_with_what_the_fmu_says(signals, trouble, sentence):

@@ -178,6 +178,26 @@ def test_values_are_mapped_on_their_way_as_the_tables_say(tmp_path):
             exchange.evaluate(exchange.present())
 
 
+def test_items_of_enumerations_are_mapped_and_started_by_name(tmp_path):
+    fmu = signals_fmu(tmp_path)
+    swapped = "".join(
+        f'<ssc:MapEntry source="{a}" target="{b}"/>' for a, b in (("first", "second"), ("second", "first"))
+    )
+    swapped = f"<ssc:EnumerationMappingTransformation>{swapped}</ssc:EnumerationMappingTransformation>"
+    second = '<ssv:Parameter name="x_gear"><ssv:Enumeration value="second"/></ssv:Parameter>'
+    text = parameters().replace("<ssv:Parameters></ssv:Parameters>", f"<ssv:Parameters>{second}</ssv:Parameters>")
+    elements = component("a", "signals.fmu", bound(text)) + component("b", "signals.fmu")
+    whole = system("s", elements, link("a/y_gear", "b/x_gear", swapped))
+    path, settings = tmp_path / "e.ssp", {"time": {"stop": 0.1, "step": 0.1}, "coupling": {"scheme": "explicit"}}
+    with opened(Document.read(packed(path, structure(whole), [fmu]), settings)) as exchange:
+        assert exchange.participants["a"].get("x_gear") == 2
+        exchange.evaluate(exchange.present())
+        assert exchange.participants["b"].get("x_gear") == 1
+    packed(path, structure(whole.replace('value="second"', 'value="third"')), [fmu])
+    with pytest.raises(ValueError, match=r"parameter 'x_gear' for a\.x_gear does not suit: 'third' is no item of its"):
+        Document.read(path, settings)
+
+
 @pytest.mark.parametrize("name", ["typical_section", "tether_in_wind"])
 def test_the_package_of_a_scene_gives_the_bits_of_its_two_fmus(tmp_path, name):
     scene = scenes.load(name)

@@ -22,11 +22,14 @@ HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 TAIL = """    <UInt64 name="rows" valueReference="60" causality="structuralParameter" variability="fixed" start="2"/>
     <Int32 name="steps" valueReference="40" causality="output"/>
     <Int32 name="trouble" valueReference="41" causality="parameter" variability="fixed" start="0"/>
+    <Enumeration name="x_gear" valueReference="48" causality="input" declaredType="gear" start="1"/>
+    <Enumeration name="y_gear" valueReference="68" causality="output" declaredType="gear"/>
     <String name="label" valueReference="42" causality="parameter" variability="fixed"><Start value="none"/></String>
     <String name="labels" valueReference="44" causality="parameter" variability="fixed">
       <Dimension start="2"/><Start value="a"/><Start value="b"/></String>
     <UInt64 name="far" valueReference="43" causality="output"/>
     <Binary name="image" valueReference="45" causality="output"/>
+    <Float64 name="sample" valueReference="47" causality="output" variability="discrete" clocks="46"/>
     <Clock name="tick" valueReference="46" causality="input" intervalVariability="triggered"/>
   </ModelVariables>
   <ModelStructure/>

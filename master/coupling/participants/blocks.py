@@ -16,7 +16,13 @@ from interface import Criterion
 from interface.variables import allowed, first_outside
 
 SINGLE, DOUBLE = 1e-6, 1e-12  # rounding of a few operations in single and double precision, relative
-NO_NUMBERS = {"String": "a text", "Texts": "an array of texts", "Binary": "binary data", "Clock": "a clock"}  # types
+NO_NUMBERS = {  # types of variables that are not exchanged -> what they are
+    "String": "a text",
+    "Texts": "an array of texts",
+    "Binary": "binary data",
+    "Clock": "a clock",
+    "Clocked": "a value at the ticks of a clock",
+}
 INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j]
 
 

@@ -85,6 +85,8 @@ def _unsigned_bounds(description: Any, path: str | Path) -> dict[str, tuple[str 
 def _entries(variable: Any, bounds: tuple[str | None, str | None]) -> list[Entry]:
     """The scalars of a variable; fmpy lists aliases as variables."""
     name, shape = variable.name, tuple(variable.shape or ())
+    if variable.clocks:
+        return [Entry(variable, name, "Clocked")]
     if variable.type not in TYPES:  # texts, binary data, clocks
         return [Entry(variable, name, "Texts" if variable.type == "String" and shape else variable.type)]
     kind = TYPES[variable.type][0]
@@ -248,7 +250,7 @@ class Fmi3Library:
         return status
 
     def __getattr__(self, name: str) -> Any:
-        """Functions of FMI 2.0 whose arguments are the same in FMI 3.0."""
+        """Functions whose arguments are the same in FMI 3.0."""
         there = SAME.get(name)
         if there is None:
             raise AttributeError(name)
@@ -273,7 +275,7 @@ SAME = {
     "fmi2FreeFMUstate": "fmi3FreeFMUState",
     "fmi2SerializedFMUstateSize": "fmi3SerializedFMUStateSize",
     "fmi2Terminate": "fmi3Terminate",
-    "fmi2Reset": "fmi3Reset",
+    "finalizePythonInterpreter": "finalizePythonInterpreter",  # of PythonFMU, see FmuParticipant.close
 }
 
 

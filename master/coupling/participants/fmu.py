@@ -268,10 +268,12 @@ class FmuParticipant(Blocks):
             if WATCH is not None:
                 WATCH("")
         if status == _FATAL:
+            version = 2
             if isinstance(self._fmu, Fmi3Library):
+                version = 3
                 self._fmu.keep()
             self._fmu = None  # no further call is allowed, not even the one that frees it
-            self._end = f"ended with fmi2Fatal: {self._reason or 'no reason logged'}"
+            self._end = f"ended with fmi{version}Fatal: {self._reason or 'no reason logged'}"
             raise RuntimeError(f"{self.name} {self._end}")
         if self.interrupted or self._reason.startswith("KeyboardInterrupt"):  # in code of Python that the FMU runs
             self.interrupted = False

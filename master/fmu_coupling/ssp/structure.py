@@ -153,7 +153,7 @@ class _Parts:
         for unit in (u for each in listed for u in self.only(each, "Units", "Unit")["Unit"]):
             name = self.given(unit, "name", "a unit")
             for base in self.only(unit, f"unit '{name}'", "BaseUnit")["BaseUnit"]:
-                numbers = {key: self.number(base, key, f"unit '{name}'") for key in base.attrib}
+                numbers = {key: self.number(base, key, f"unit '{name}'") for key in base.attrib if key in Unit.KEYS}
                 found[name] = Unit.of(name, numbers)
         return found
 

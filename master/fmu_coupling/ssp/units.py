@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
@@ -14,6 +15,7 @@ class Unit:
     exponents: tuple[float, ...] | None = None
     factor: float = 1.0
     offset: float = 0.0
+    KEYS: ClassVar = (*BASES, "factor", "offset")  # attributes of a definition
 
     @classmethod
     def of(cls, name: str, numbers: Mapping[str, float]) -> "Unit":
