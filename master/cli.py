@@ -352,18 +352,25 @@ def couple(
     """Couple two or more co-simulation FMUs (FMI 2.0, 3.0) of any maker as FILE says; print a table, write results.
 
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
-    (results up to there are still written), 2 bad input, 130 interrupted.
+    (results up to there are still written), 2 bad input, 130 interrupted. The FMUs run in a process of their own: what
+    one that ends it has left is told.
     """
-    from master.coupling.checkpoint import Files
-    from master.fmu_coupling.command import couple_file
+    from master.apart import apart
 
     given = {
         "time": {"mode": mode, "start": start, "stop": stop, "step": step},
         "coupling": {"scheme": scheme, "order": order, "rtol": rtol, "atol": atol},
     }
     settings = {name: {key: value for key, value in keys.items() if value is not None} for name, keys in given.items()}
-    files = Files(checkpoint, checkpoint_every, restart)
-    _finish(lambda: couple_file(file, out, report, files, force, settings))
+
+    def work(watch: Any) -> int:
+        from master.coupling.checkpoint import Files
+        from master.fmu_coupling.command import couple_file
+
+        files = Files(checkpoint, checkpoint_every, restart)
+        return couple_file(file, out, report, files, force, settings, watch)
+
+    _finish(lambda: apart(work, (out or Path("results") / file.stem).absolute()))
 
 
 @app.command("host-env", short_help="Print the environment in which C and C++ hosts run the FMUs.")

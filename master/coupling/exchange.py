@@ -6,6 +6,7 @@ is unknown.
 """
 
 import contextlib
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -148,7 +149,7 @@ class Exchange:
             at = 0
             for field, (source, output) in self._sources.items():
                 if order == "parallel" or field in back:
-                    size = int(np.prod(self.participants[source].blocks[output]))
+                    size = math.prod(self.participants[source].blocks[output])
                     fields[field] = slice(at, at + size)
                     at += size
 
@@ -285,11 +286,14 @@ class Exchange:
         if self.rollback:
             self.rewind()
         sent: dict[str, np.ndarray] = {}
+        newest = sent if order == "serial" else {}  # what is sent back too goes on to later ones as it is by now
         for name, participant in self.participants.items():
             shapes = participant.blocks
             inputs = []
             for c, field in self._inputs[name]:
-                known = x[fields[field]].reshape(shapes[c.input]) if field in fields else sent[field]
+                known = newest.get(field)
+                if known is None:
+                    known = x[fields[field]].reshape(shapes[c.input]) if field in fields else sent[field]
                 if c.table:
                     with self.booked(name, "got no input"):
                         inputs.append((c, c.applied(known)))
@@ -313,10 +317,10 @@ class Exchange:
         self.require_derivatives()
         sent: dict[str, np.ndarray] = {}
         for name, participant in self.participants.items():
-            changes = {
-                c.input: c.applied_change(v[fields[f]].reshape(self._shape(c)) if f in fields else sent[f])
-                for c, f in self._inputs[name]
-            }
+            changes = {}
+            for c, f in self._inputs[name]:
+                new = f in sent and (order == "serial" or f not in fields)
+                changes[c.input] = c.applied_change(sent[f] if new else v[fields[f]].reshape(self._shape(c)))
             with self.booked(name, "gave no derivative"):
                 answers = participant.directional_derivative(changes)  # type: ignore[attr-defined]
             self.products += 1

@@ -24,6 +24,7 @@ from master.coupling.rounding import ExchangeFloors, Rounding
 STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled", "terminated")
 GOOD = ("converged", "recovered")
 MOST_STEPS = 1e12  # of a run; beyond it a step is rounding of the time
+UNSAVED = "use the explicit scheme, which repeats no step, or declare a participant without memory memoryless"
 MESSAGES = 100  # sentences kept, so that a long run with many of them does not grow
 PREDICTORS = ("constant", "linear", "quadratic")
 
@@ -215,10 +216,7 @@ def march(
             except StepFailed as error:
                 if status == "converged":
                     status = "diverged"
-                    message = (
-                        f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}; use the explicit "
-                        "scheme, which repeats no step, or declare a participant without memory memoryless."
-                    )
+                    message = f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}; {UNSAVED}."
                 break
             if scheme is None:
                 ended, found = _explicit_step(exchange, now, order, recoveries)

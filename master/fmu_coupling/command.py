@@ -2,7 +2,7 @@
 
 import contextlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.participants import fmu
 from master.fmu_coupling.document import Document
 from master.fmu_coupling.results import NO_PLOT, RESULTS, Follower, result_rows
 from master.fmu_coupling.run import couple
@@ -25,10 +26,12 @@ def couple_file(
     files: Files = NO_FILES,
     force: bool = False,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
+    watch: Callable[[str], Any] | None = None,
 ) -> int:
     """Couple the FMUs of a file with some `settings` in place of its own, print its table, write its results; the exit
-    code.
+    code. `watch` is told whose code is called.
     """
+    fmu.WATCH = watch
     document = Document.read(path, settings)
     out = out or Path("results") / path.stem
     with _progress(document) as follow:

@@ -70,7 +70,7 @@ class Described(Blocks):
             raise ValueError(f"{path} is {what}; export it as a co-simulation FMU of FMI 2.0 or 3.0.")
         here = platform if version == "2.0" else platform_tuple
         require_library(path, description.coSimulation.modelIdentifier, here)
-        self.units = units_of(root)
+        self.units, self.known = units_of(root), (description, scalars)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.only_once = bool(description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         self.model, self.tool = description.modelName, description.generationTool
@@ -273,7 +273,7 @@ class MappedParticipant(Blocks):
         raw = {block: described.raw(block, value) for block, value in (start or {}).items() if block not in texts}
         named = {name: (block.variables, block.shape) for name, block in described.named.items()}
         self._factors = {name: block.factor for name, block in described.named.items() if block.factor != 1.0}
-        self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts, instance, initialise)
+        self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts, instance, initialise, described.known)
         self.name, self.blocks, self.limits = self.fmu.name, self.fmu.blocks, self.fmu.limits
         self.own_blocks = self.fmu.own_blocks
         self.saves_state, self.serialises_state = self.fmu.saves_state, self.fmu.serialises_state

@@ -84,3 +84,20 @@ def test_an_anchor_brings_back_the_time_of_its_states_too():
     anchor.restore()
     assert exchange.time == 0.5
     anchor.close()
+
+
+def test_what_is_sent_back_goes_on_to_later_participants_as_it_is_by_now():
+    participants = {"first": Tangent(0.5), "middle": Tangent(3.0, c=1.0), "last": Tangent(2.0)}
+    connections = [
+        Connection("middle", "f", "first", "x"),
+        Connection("first", "f", "middle", "x"),
+        Connection("middle", "f", "last", "x"),
+    ]
+    exchange = Exchange(participants, connections)
+    x, v, h = np.array([0.3]), np.array([1.0]), 1e-5
+    exchange.evaluate(x)
+    middle = participants["middle"].get("f")
+    assert participants["last"].get("f") == -2.0 * middle  # not of x
+    difference = (exchange.evaluate(x + h * v) - exchange.evaluate(x - h * v)) / (2.0 * h)
+    exchange.evaluate(x)
+    assert exchange.derivative(v) == pytest.approx(difference, rel=1e-8)  # h^2 and rounding / h

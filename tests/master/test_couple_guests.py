@@ -2,7 +2,12 @@
 
 import json
 import os
+import signal
+import subprocess
+import sys
+import time
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -330,6 +335,79 @@ def test_a_step_that_stays_pending_without_an_answer_is_refused_in_words(tmp_pat
     guest(tmp_path, "mute", UY, step="return 5", answer="3")
     result = coupled(tmp_path, coupling({"a": "mute", "b": "lin"}, PAIR, scheme="explicit"))
     assert "it is still at the step (fmi2Pending), and does not tell by fmi2GetStatus when it is done" in result.message
+
+
+FILE = """
+[time]
+stop = 1.0
+step = 0.1
+[participants.one]
+fmu = "ender.fmu"
+[participants.two]
+fmu = "lin.fmu"
+[[connections]]
+from = "one.y"
+to = "two.u"
+[[connections]]
+from = "two.y"
+to = "one.u"
+"""
+
+
+def command(folder, *options):
+    line = [sys.executable, "-m", "master", "couple", "pair.toml", "--no-report", *options]
+    return subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+@pytest.mark.parametrize(
+    ("code", "how"),
+    [
+        ("abort()", "with SIGABRT"),
+        ("exit(0)", "by exit(0)"),
+        ("_exit(3)", "by exit(3)"),
+        ("*(volatile int *)0 = 1", "with SIGSEGV"),
+    ],
+)
+def test_an_fmu_that_ends_the_process_leaves_what_was_written_and_a_sentence(tmp_path, code, how):
+    guest(tmp_path, "ender", UY, step=f"if (t > 0.55) {{ {code}; }} r[1] = 0.5 * r[0]")
+    lin(tmp_path)
+    (tmp_path / "pair.toml").write_text(FILE)
+    done = command(tmp_path)
+    _, error = done.communicate(timeout=60)
+    assert done.returncode == 1
+    partial = tmp_path / "results/pair.partial"
+    left = f"what was written until then is in {partial}."
+    assert error.splitlines()[-1] == f"kitecosim: participant one ended the process {how}; {left}"
+    assert len((partial / "results.csv").read_text().splitlines()) == 1 + 7  # the start and six steps
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_signal_to_the_command_ends_the_process_of_the_fmus_too(tmp_path, number):
+    guest(
+        tmp_path,
+        "ender",
+        UY,
+        step='usleep(100000); FILE *f = fopen("pid", "w"); fprintf(f, "%d\\n", getpid()); fclose(f)',
+    )
+    lin(tmp_path)
+    (tmp_path / "pair.toml").write_text(FILE)
+    done, there = command(tmp_path), tmp_path / "pid"
+    for _ in range(600):
+        if there.exists() and there.read_text().endswith("\n"):
+            break
+        time.sleep(0.05)
+    own = int(there.read_text())
+    assert own != done.pid
+    done.send_signal(number)
+    done.communicate(timeout=60)
+    assert done.returncode == (130 if number == signal.SIGINT else -number)
+    for _ in range(200):
+        if not Path(f"/proc/{own}").exists() or "State:\tZ" in Path(f"/proc/{own}/status").read_text():
+            return
+        time.sleep(0.05)
+    pytest.fail("the FMUs go on")
 
 
 # Archives

@@ -200,11 +200,12 @@ def described_limits(scalars: list[Any], shape: tuple[int, ...]) -> Limits:
     """Causality, variability and bounds of a block of an FMU, from the descriptions of its scalars."""
     lower = [_bound(scalar, "min") for scalar in scalars]
     upper = [_bound(scalar, "max") for scalar in scalars]
+    bounded = any(map(math.isfinite, lower)), any(map(math.isfinite, upper))
     return Limits(
         scalars[0].causality,
         scalars[0].variability,
-        np.reshape(lower, shape) if np.isfinite(lower).any() else None,
-        np.reshape(upper, shape) if np.isfinite(upper).any() else None,
+        np.reshape(lower, shape) if bounded[0] else None,
+        np.reshape(upper, shape) if bounded[1] else None,
         all(s.initial in ("exact", "approx") and s.variability != "constant" for s in scalars),
         {"Real": "real", "Boolean": "boolean", "Enumeration": "enumeration"}.get(scalars[0].type, "integer"),
         _items(scalars[0]),
@@ -222,7 +223,7 @@ def _bound(scalar: Any, which: str) -> float:
     own = getattr(scalar, which)
     if own is None:
         own = getattr(getattr(scalar, "declaredType", None), which, None)
-    return (-np.inf if which == "min" else np.inf) if own is None else float(own)
+    return (-math.inf if which == "min" else math.inf) if own is None else float(own)
 
 
 class Channel:

@@ -12,7 +12,7 @@ import time
 import weakref
 import zipfile
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from ctypes import byref, c_char, c_char_p, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,7 @@ def _hear(environment: int, _instance: bytes, status: int, _category: bytes, mes
 _LOGGER = fmi2CallbackLoggerTYPE(_hear)
 _PROXIED = fmi2CallbackFunctions()
 _PROXIED_POINTER = byref(_PROXIED)
+WATCH: Callable[[str], Any] | None = None  # is told which instance is called, "" behind a call
 LARGEST = 4 * 2**30  # bytes of an FMU that is unpacked
 ALARMS = 20  # different errors in calls that succeeded which are kept
 OURS = "kitecosim"  # how the tool that made our FMUs is called
@@ -93,7 +94,8 @@ class FmuParticipant(Blocks):
     the FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs, `alarms` the errors that it
     logged in calls that succeeded. `initialisation_s` is the time that its initialisation took, in which an FMU
     computes its outputs for the first time; with `initialise` False that is left to `enter_initialization` and
-    `exit_initialization`, and inputs can be set between the two.
+    `exit_initialization`, and inputs can be set between the two. `known` are its model description and its scalars,
+    where they were read before.
     """
 
     def __init__(
@@ -106,6 +108,7 @@ class FmuParticipant(Blocks):
         texts: Mapping[str, str] | None = None,
         instance: str | None = None,
         initialise: bool = True,
+        known: tuple[Any, list[Any]] | None = None,
     ) -> None:
         self.name, self.instance = Path(path).name, instance
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
@@ -121,7 +124,7 @@ class FmuParticipant(Blocks):
         self._fmu: Any = None  # of fmpy, while it is alive
         self._end = "is closed."
         try:
-            self._load(path, named or {})
+            self._load(path, named or {}, known)
             for block, value in (parameters or {}).items():
                 self._put(block, self.checked(block, value, start=True))
             for name, text in (texts or {}).items():
@@ -147,15 +150,21 @@ class FmuParticipant(Blocks):
         begin = time.perf_counter()
         self._require(self._alive().fmi2ExitInitializationMode, self._component)
         self.initialisation_s += time.perf_counter() - begin
-        self._channels.clear()
+        if isinstance(self._fmu, Fmi3Library):
+            self._channels.clear()
         self._initialised = True
 
-    def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
+    def _load(
+        self,
+        path: str | Path,
+        named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]],
+        known: tuple[Any, list[Any]] | None,
+    ) -> None:
         """Unpack, describe and instantiate."""
         try:
             require_size(path)
             extract(str(path), self._folder, include=_needed)
-            description = read_model_description(self._folder, validate=False)
+            description = known[0] if known is not None else read_model_description(self._folder, validate=False)
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
                 why = str(error.strerror).lower()
@@ -169,7 +178,7 @@ class FmuParticipant(Blocks):
         self._ours = str(description.generationTool).startswith(OURS)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
-        scalars = scalars_of(description, self._folder)
+        scalars = known[1] if known is not None else scalars_of(description, self._folder)
         variables = {variable.name: variable for variable in scalars}
         self._texts = {name: v.valueReference for name, v in variables.items() if v.type == "String"}
         self._scalars = grouped(scalars)
@@ -216,10 +225,14 @@ class FmuParticipant(Blocks):
     def _called(self) -> Iterator[None]:
         """What is logged meanwhile is of this participant."""
         _CALLED.append(self)
+        if WATCH is not None:
+            WATCH(self.instance or "")
         try:
             yield
         finally:
             _CALLED.pop()
+            if WATCH is not None:
+                WATCH("")
 
     def _hear(self, status: int, message: bytes) -> None:
         try:
@@ -246,10 +259,14 @@ class FmuParticipant(Blocks):
         _PROXIED.logger = _LOGGER
         addLoggerProxy(_PROXIED_POINTER)
         _CALLED.append(self)
+        if WATCH is not None:
+            WATCH(self.instance or "")
         try:
             status: int = function(*arguments)
         finally:
             _CALLED.pop()
+            if WATCH is not None:
+                WATCH("")
         if status == _FATAL:
             version = 2
             if isinstance(self._fmu, Fmi3Library):
