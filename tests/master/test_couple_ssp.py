@@ -287,6 +287,8 @@ REFUSED = [
         ('source="resources/wall.fmu"', 'source="http://x.org/w.fmu"'),
         "and only files of the package are read; put it there.",
     ),
+    (('source="resources/wall.fmu"', 'source="http://["'), "has the source 'http://\\[', which is no URI; correct it."),
+    (('source="resources/wall.fmu"', 'source="a%00b"'), "has the source 'a%00b', which names no file; correct it."),
     (('source="resources/wall.fmu"', 'source="#s"'), "has the source '#s', and references to a part of a file are not"),
     (
         ('name="wall" ', 'name="wall" type="application/x-ssp-package" '),
