@@ -6,6 +6,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from interface import SimulationEnded, StepDiscarded
 from master.coupling.acceleration import Field, Scheme
 from master.coupling.admissible import Admissible
 from master.coupling.convergence import (
@@ -18,7 +19,6 @@ from master.coupling.convergence import (
     partition,
     required_count,
 )
-from master.coupling.participants import SimulationEnded, StepDiscarded
 from master.coupling.recovery import Anchor, Loop, Progress, Recovery
 
 Status = Literal["converged", "max_iterations", "diverged", "stalled", "terminated"]

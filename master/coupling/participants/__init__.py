@@ -1,7 +1,6 @@
 """What is coupled: an FMU or a solver core in this process, both behind one interface."""
 
-from interface import StepFailed
-from master.coupling.participants.ended_steps import SimulationEnded, StepDiscarded
+from interface import SimulationEnded, StepDiscarded, StepFailed
 from master.coupling.participants.fmu import FmuParticipant
 from master.coupling.participants.in_process import InProcessParticipant
 from master.coupling.participants.protocol import Participant

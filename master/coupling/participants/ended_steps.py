@@ -8,20 +8,12 @@ import time
 from ctypes import byref, c_double, c_int
 from typing import Any
 
-from interface import StepFailed
+from interface import SimulationEnded, StepDiscarded, StepFailed
 
 DO_STEP, LAST_SUCCESSFUL_TIME, TERMINATED = 0, 2, 3  # fmi2StatusKind
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 STATUSES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 POLLS = 1e-4, 0.05  # s between two questions whether a step is done: at first, and at most
-
-
-class StepDiscarded(StepFailed):
-    """An FMU refused a step as it was asked for; the same step with the same inputs is not worth a second try."""
-
-
-class SimulationEnded(StepFailed):
-    """A participant asks to end the simulation; no step of it follows."""
 
 
 def finished(dll: Any, component: Any, status: int) -> int:
