@@ -6,7 +6,7 @@ A leaf: it imports nothing of the project, so that structure and flow need not k
 
 import time
 
-from .failures import StepFailed
+from .failures import SimulationEnded, StepDiscarded, StepFailed
 from .files import irregular, misnamed, unprintable
 from .mesh import SurfaceMesh
 from .mirror import MIRROR, UprightPlane, mirror_permutation, mirror_rows
@@ -21,6 +21,8 @@ __all__ = [
     "LOADED_AT",
     "MIRROR",
     "Criterion",
+    "SimulationEnded",
+    "StepDiscarded",
     "StepFailed",
     "SurfaceMesh",
     "UprightPlane",

@@ -326,9 +326,9 @@ def scenes(
     _finish(lambda: list_scenes(scene))
 
 
-@app.command(short_help="Couple any FMI 2.0 co-simulation FMUs as a TOML file says.")
+@app.command(short_help="Couple any co-simulation FMUs as a TOML file or an SSP says.")
 def couple(
-    file: Annotated[Path, typer.Argument(help="TOML file: time, scheme, participants, connections (docs/couple.md).")],
+    file: Annotated[Path, typer.Argument(help="TOML file (docs/couple.md), or package of SSP 1.0 (.ssp).")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; without it results/NAME of FILE.")] = None,
     report: Annotated[bool, typer.Option(help="Write plots too.")] = True,
     checkpoint: CheckpointOption = None,
@@ -337,17 +337,40 @@ def couple(
         Path | None,
         typer.Option(help="Continue from this checkpoint (of your own); scheme, tolerances, step, stop may be others."),
     ] = None,
+    mode: Annotated[str | None, typer.Option(help="In place of that in FILE: transient or steady.")] = None,
+    start: Annotated[float | None, typer.Option(help="Start time in place of that in FILE, s.")] = None,
+    stop: Annotated[float | None, typer.Option(help="Stop time in place of that in FILE, s.")] = None,
+    step: Annotated[float | None, typer.Option(help="Communication step in place of that in FILE, s.")] = None,
+    scheme: Annotated[
+        str | None, typer.Option(help="Scheme in place of that in FILE; iqn-ils where it has none.")
+    ] = None,
+    order: Annotated[str | None, typer.Option(help="In place of that in FILE: serial or parallel.")] = None,
+    rtol: Annotated[float | None, typer.Option(help="Relative tolerance in place of that in FILE.")] = None,
+    atol: Annotated[float | None, typer.Option(help="Absolute tolerance in place of that in FILE.")] = None,
     force: ForceOption = False,
 ) -> None:
-    """Couple two or more FMI 2.0 co-simulation FMUs, of whatever maker, as FILE says; print a table, write results.
+    """Couple two or more co-simulation FMUs (FMI 2.0, 3.0) of any maker as FILE says; print a table, write results.
 
     Everything in FILE is checked before anything is run. Exit code: 0 every communication step converged, 1 not
-    (results up to there are still written), 2 bad input, 130 interrupted.
+    (results up to there are still written), 2 bad input, 130 interrupted. The FMUs run in a process of their own: what
+    one that ends it has left is told.
     """
-    from master.coupling.checkpoint import Files
-    from master.fmu_coupling.command import couple_file
+    from master.apart import apart
 
-    _finish(lambda: couple_file(file, out, report, Files(checkpoint, checkpoint_every, restart), force))
+    given = {
+        "time": {"mode": mode, "start": start, "stop": stop, "step": step},
+        "coupling": {"scheme": scheme, "order": order, "rtol": rtol, "atol": atol},
+    }
+    settings = {name: {key: value for key, value in keys.items() if value is not None} for name, keys in given.items()}
+
+    def work(watch: Any) -> int:
+        from master.coupling.checkpoint import Files
+        from master.fmu_coupling.command import couple_file
+
+        files = Files(checkpoint, checkpoint_every, restart)
+        return couple_file(file, out, report, files, force, settings, watch)
+
+    _finish(lambda: apart(work, (out or Path("results") / file.stem).absolute()))
 
 
 @app.command("host-env", short_help="Print the environment in which C and C++ hosts run the FMUs.")

@@ -33,7 +33,7 @@ MASTER_ROOMS = {
     "fmu_coupling": {"master.fmu_coupling"},
     "commands": {"master.commands", "master.transient", "master.restart"},
     "studies": {"master.studies"},
-    "cli": {"master.cli", "master.__main__", "master.moved"},  # and master itself
+    "cli": {"master.cli", "master.__main__", "master.apart", "master.moved"},  # and master itself
 }
 LEAVES = {"participants", "acceleration"}  # of coupling; who may import it may import them
 MASTER_NEIGHBOURS = {
@@ -43,7 +43,7 @@ MASTER_NEIGHBOURS = {
     "report": {"coupling"},
     "fmu_coupling": {"coupling", "report"},
     "commands": {"coupling", "report"},
-    "studies": {"coupling", "report", "commands"},
+    "studies": {"coupling", "fmu_coupling", "report", "commands"},
     "cli": {"coupling", "fmu_coupling", "commands", "studies"},
 }
 # What a room may import from outside at module level, that is, whenever it is loaded.

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,12 @@ class Files:
             raise ValueError(
                 f"--checkpoint {self.checkpoint}: there is no folder {self.checkpoint.parent}; make it first."
             )
+
+    def absolute(self) -> "Files":
+        """The same files, wherever the working directory will be."""
+        places = (None if path is None else path.absolute() for path in (self.checkpoint, self.restart))
+        checkpoint, restart = places
+        return replace(self, checkpoint=checkpoint, restart=restart)
 
     def require_writable(self) -> None:
         """ValueError in one sentence where no checkpoint can be written."""

@@ -14,6 +14,8 @@ ROUNDING = 8.0 * np.finfo(float).eps  # a residual below this fraction of x_tild
 # What lies beyond the data: unknowns that only updates made large are an answer where the residual has fallen by more
 # than they have grown, by FALLEN, or is rounding of unknowns whose rounding is this small a part of all residuals.
 FALLEN, NOISE = 0.1, 1e-3
+ANY = 1e300  # tolerance of the explicit scheme: one exchange is enough, whatever it leaves
+IDLE = 5  # evaluations without progress after which a residual may be noise
 BLOWN = 1e6  # growth beyond the data at which tolerances that hold, and mean nothing, end the loop
 
 
@@ -38,11 +40,26 @@ def required_count(name: str, value: Any, least: int = 1) -> int:
 class ConvergenceMonitor:
     """Convergence criterion and progress measure of a coupling loop, with the first residuals and the best measure."""
 
-    def __init__(self, names: list[str], atol: Tolerance, rtol: Tolerance, residual_rtol: Tolerance):
-        self.atol, self.rtol = per_field("atol", atol, names), per_field("rtol", rtol, names)
-        self.residual_rtol = per_field("residual_rtol", residual_rtol, names)
+    exact: np.ndarray | None = None  # fields of whole numbers: no residual of theirs is tolerated, whatever the norms
+    floors: np.ndarray | None = None  # residual norms that are rounding of what the fields are made of
+    tolerance = np.zeros(0)  # of the last evaluation
+    last = np.zeros(0)  # residual norms of the last evaluation
+
+    def __init__(
+        self,
+        names: list[str],
+        atol: Tolerance,
+        rtol: Tolerance,
+        residual_rtol: Tolerance,
+        exact: Sequence[str] = (),
+    ):
+        self.names = names
+        self.atol, self.rtol = per_field("atol", atol, names, exact), per_field("rtol", rtol, names, exact)
+        self.residual_rtol = per_field("residual_rtol", residual_rtol, names, exact)
+        if exact:
+            self.exact = np.array([name in exact for name in names])
         for name, *given in zip(names, self.atol, self.rtol, self.residual_rtol, strict=True):
-            if not any(given):
+            if not any(given) and name not in exact:
                 raise ValueError(f"All tolerances of field '{name}' are zero; set atol, rtol or residual_rtol.")
         self.reference = np.zeros(len(names))  # |r_1| of each field
         self.scale = np.zeros(len(names))  # first tolerance of each field that is not zero
@@ -60,6 +77,11 @@ class ConvergenceMonitor:
         significant = r > ROUNDING * size
         self.reference = np.where((self.reference == 0.0) & significant, r, self.reference)
         tolerance = self.atol + self.rtol * size + self.residual_rtol * self.reference
+        if self.floors is not None:
+            tolerance = np.maximum(tolerance, self.floors)
+        if self.exact is not None:
+            tolerance = np.where(self.exact & (self.atol < ANY), 0.0, tolerance)
+        self.tolerance, self.last = tolerance, r
         self._judge(r, size, significant, tolerance)
         self.scale = np.where(self.scale == 0.0, tolerance, self.scale)
         with np.errstate(over="ignore"):
@@ -81,6 +103,8 @@ class ConvergenceMonitor:
         self.largest = np.maximum(self.largest, r)
         holds = (r <= tolerance) | ~significant
         tight = self.atol + self.rtol * np.minimum(size, self.data) + self.residual_rtol * self.reference
+        if self.floors is not None:
+            tight = np.maximum(tight, self.floors)
         known = (size <= self.data) | (np.maximum(r, ROUNDING * size) <= tight)
         with np.errstate(over="ignore"):
             fallen = r * size <= FALLEN * self.largest * self.data
@@ -91,14 +115,36 @@ class ConvergenceMonitor:
         growth = np.where(told, 0.0, size / np.where(self.data > 0.0, self.data, np.inf))
         self.blown = float(growth.max(initial=0.0)) if np.all(holds) else 0.0
 
+    def worst(self) -> str:
+        """The block that is farthest from its tolerance, its residual and that tolerance, and what helps."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            share = np.where(self.last > 0.0, self.last / self.tolerance, 0.0)
+        k = int(np.argmax(share))
+        of = f"{self.names[k]} has a residual of {self.last[k]:.3g}"
+        if self.exact is not None and self.exact[k]:
+            return (
+                f"{of} and is passed on as it is, a whole number that has to repeat itself; use the explicit scheme, "
+                "or a smaller step."
+            )
+        return f"{of}, its tolerance is {self.tolerance[k]:.3g}; raise atol or rtol if that residual is small enough."
+
     @property
     def improved(self) -> bool:
         """Whether the last measure is the smallest so far, by more than 1 %."""
         return self.progressed_at == len(self.history)
 
+    @property
+    def idle(self) -> int:
+        """Evaluations since the smallest measure."""
+        return len(self.history) - self.progressed_at
+
     def restart(self) -> None:
         """Do not count earlier evaluations as time without progress."""
         self.progressed_at = len(self.history)
+
+    def renew(self) -> None:
+        """The map has become another: what the residual was before is no measure."""
+        self.first, self.best = 0.0, math.inf
 
     def stalled(self, window: int) -> bool:
         """Whether the smallest measure has not fallen within `window` evaluations, nor is m on its way down."""
@@ -117,6 +163,14 @@ def norm(a: np.ndarray) -> float:
     """|a|_2 without overflow or underflow of the squares; nan or inf where an entry is."""
     largest = float(np.max(np.abs(a), initial=0.0))
     return largest * float(np.linalg.norm(a / largest)) if 0.0 < largest < math.inf else largest
+
+
+def field_norms(vectors: Sequence[np.ndarray], parts: Sequence[Field]) -> np.ndarray:
+    """|a_f|_2 of each field of each vector, (fields, vectors)."""
+    n = len(vectors[0])
+    if len(parts) == n and all(isinstance(f, slice) and f.stop == k + 1 for k, f in enumerate(parts)):
+        return np.abs(np.array(vectors)).T  # a field an entry
+    return np.array([[norm(a[f]) for a in vectors] for f in parts]).reshape(-1, len(vectors))
 
 
 def partition(fields: Mapping[str, Field] | None, n: int) -> tuple[list[str], list[Field]]:
@@ -139,12 +193,13 @@ def partition(fields: Mapping[str, Field] | None, n: int) -> tuple[list[str], li
     return list(fields), [part if isinstance(part, slice) else np.arange(n)[part] for part in fields.values()]
 
 
-def per_field(name: str, tolerance: Tolerance, names: list[str]) -> np.ndarray:
-    """One value for each field, finite and not negative."""
+def per_field(name: str, tolerance: Tolerance, names: list[str], exact: Sequence[str] = ()) -> np.ndarray:
+    """One value for each field, finite and not negative; those of whole numbers (`exact`) need none."""
     if isinstance(tolerance, Mapping):
-        if set(tolerance) != set(names):
-            raise ValueError(f"{name} must name every field once: {', '.join(names)}.")
-        tolerance = [tolerance[field] for field in names]
+        if set(tolerance) - set(exact) != set(names) - set(exact):
+            wanted = [field for field in names if field not in exact]
+            raise ValueError(f"{name} must name every field once: {', '.join(wanted)}.")
+        tolerance = [tolerance.get(field, 0.0) for field in names]
     values = np.array(tolerance, dtype=float)
     if values.ndim == 0:
         values = np.full(len(names), float(values))

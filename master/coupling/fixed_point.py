@@ -2,15 +2,39 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
+from interface import SimulationEnded, StepDiscarded
 from master.coupling.acceleration import Field, Scheme
-from master.coupling.convergence import BLOWN, ConvergenceMonitor, Tolerance, norm, partition, required_count
+from master.coupling.admissible import Admissible
+from master.coupling.convergence import (
+    BLOWN,
+    IDLE,
+    ConvergenceMonitor,
+    Tolerance,
+    field_norms,
+    norm,
+    partition,
+    required_count,
+)
 from master.coupling.recovery import Anchor, Loop, Progress, Recovery
 
-Status = Literal["converged", "max_iterations", "diverged", "stalled"]
+Status = Literal["converged", "max_iterations", "diverged", "stalled", "terminated"]
+
+
+class Floors(Protocol):
+    """What `fixed_point` asks of rounding, see `master.coupling.rounding`."""
+
+    def begin(self, names: list[str], parts: list[Field]) -> None:
+        """Before the first evaluation."""
+
+    def observe(self, x_tilde: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """After an evaluation, with the norms of the fields: the residual norms that are rounding by now."""
+
+    def explains(self, monitor: ConvergenceMonitor) -> bool:
+        """Whether what is left of the residuals is rounding, as they do not fall any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +45,7 @@ class FixedPointResult:
     G(x) is normally the better point. Both have the shape and unit of x0. `iterations` counts evaluations of G;
     `residual_norms` (iterations,) holds |r|_2 over all entries, `field_residual_norms` the same of each field.
     `recoveries` lists what went wrong on the way and was overcome (or was not, if the status is not "converged").
+    `refused`: the last point is one that G does not take, however often it is asked.
     """
 
     x: np.ndarray
@@ -31,6 +56,7 @@ class FixedPointResult:
     field_residual_norms: dict[str, np.ndarray]
     message: str
     recoveries: tuple[Recovery, ...] = ()
+    refused: bool = False
 
     @property
     def converged(self) -> bool:
@@ -54,6 +80,8 @@ def fixed_point(
     anchor: Anchor | None = None,
     hold: Callable[[Progress], object] | None = None,
     progress: Progress | None = None,
+    admissible: Admissible | None = None,
+    floors: Floors | None = None,
 ) -> FixedPointResult:
     """Solve x = G(x) from x0 with an acceleration scheme.
 
@@ -82,6 +110,12 @@ def fixed_point(
     states that solvers with a memory had at that point. `hold(progress)` is called before every evaluation with what
     the loop needs to continue from there; given back as `progress`, with the scheme as it was then, the loop continues
     bitwise as it would have.
+
+    `admissible` says which entries are whole numbers, which no scheme sees and no residual of which is tolerated, and
+    between which bounds updates have to stay. `floors` learns from evaluations below which residuals rounding leaves
+    nothing to gain, tolerances count from there; where G repeats itself to the last bit, x_tilde is tried next. A map
+    that refuses a point for good (StepDiscarded) is not asked for it again, one that asks for the end (SimulationEnded)
+    for nothing more; the status of that is "terminated".
     """
     _require(max_iterations, growth_limit, stall_window, recoveries)
     x0 = np.array(x0, dtype=float)
@@ -90,31 +124,45 @@ def fixed_point(
     names, parts = partition(fields, x0.size)
     shape = x0.shape
     p = progress
+    free = parts if admissible is None else admissible.free_parts(parts)
     if p is None:
-        p = Progress(x0.ravel(), ConvergenceMonitor(names, atol, rtol, residual_rtol))
-        scheme.begin(parts)
-    loop = Loop(p, scheme, recoveries, anchor)
+        exact = (
+            [] if admissible is None else [n for n, f in zip(names, parts, strict=True) if admissible.whole[f].any()]
+        )
+        p = Progress(x0.ravel(), ConvergenceMonitor(names, atol, rtol, residual_rtol, exact))
+        scheme.begin(free)
+    if floors is not None:
+        floors.begin(names, parts)
+    loop = Loop(p, scheme, recoveries, anchor, admissible, free)
     ended: tuple[Status, str] | None = None
     while ended is None:
         if hold is not None:
             hold(p)
         k, x = p.evaluations + 1, p.x
-        x_tilde, failure = _evaluate(G, x.reshape(shape), k)
+        x_tilde, failure, error = _evaluate(G, x.reshape(shape), k)
         with np.errstate(all="ignore"):
             r = x_tilde - x
-            norms = np.array([(norm(r[f]), norm(x_tilde[f])) for f in parts]).reshape(-1, 2)
+            norms = field_norms((r, x_tilde), parts)
             p.residual_norms.append(norm(r))
         p.field_norms.append(norms[:, 0])
         if callback is not None:
             callback(k, x.reshape(shape).copy(), x_tilde.reshape(shape).copy(), r.reshape(shape).copy())
         if not failure and not np.all(np.isfinite(norms)):
             failure = f"G returned values that are not finite at evaluation {k}."
-        if failure:
-            ended = None if k < max_iterations and loop.retreat(failure) else ("diverged", failure)
+        if isinstance(error, SimulationEnded):
+            ended = "terminated", f"{str(error).rstrip('.')}."
+        elif failure:
+            again = k < max_iterations and loop.retreat(failure, not isinstance(error, StepDiscarded))
+            ended = None if again else ("diverged", failure)
         else:
-            ended = _judged(loop, x, r, norms, max_iterations, growth_limit, int(stall_window))
+            if floors is not None:
+                p.monitor.floors = floors.observe(x_tilde, norms[:, 1])
+            ended = _judged(loop, x, r, norms, max_iterations, growth_limit, int(stall_window), floors)
     status, message = ended
-    scheme.end(status, x, r)
+    if admissible is None:
+        scheme.end(status, x, r)
+    else:
+        scheme.end(status, admissible.free(x), admissible.free(r))
     return FixedPointResult(
         x=x.reshape(shape),
         x_tilde=x_tilde.reshape(shape),
@@ -124,6 +172,7 @@ def fixed_point(
         field_residual_norms=dict(zip(names, np.array(p.field_norms).T, strict=True)),
         message=message,
         recoveries=tuple(p.recoveries),
+        refused=isinstance(error, StepDiscarded),
     )
 
 
@@ -141,13 +190,17 @@ def _judged(
     max_iterations: int,
     growth_limit: float,
     stall_window: int,
+    floors: Floors | None = None,
 ) -> tuple[Status, str] | None:
     """How the loop ends after an evaluation with finite `norms` (fields, 2) of r and x_tilde, None if it goes on."""
     p, monitor = loop.progress, loop.progress.monitor
     k = p.evaluations
+    loop.notice(x)
     measure = monitor.measure(norms[:, 0], norms[:, 1])
     if monitor.converged:
         return "converged", f"Converged in {k} evaluations of G."
+    if floors is not None and monitor.idle >= IDLE and floors.explains(monitor):
+        return "converged", f"Converged to the rounding of what participants receive, in {k} evaluations of G."
     if monitor.improved or p.best is None:
         failure = loop.mark(x, r)
         if failure:
@@ -155,7 +208,10 @@ def _judged(
     more = k < max_iterations
     failure = ""
     if measure > growth_limit * monitor.first:
-        failure = f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G."
+        failure = (
+            f"The residual grew to more than {growth_limit:g} times its first value in {k} evaluations of G; "
+            f"{monitor.worst()}"
+        )
     elif monitor.blown > BLOWN:
         failure = (
             f"The unknowns grew to {monitor.blown:.1e} times the start and all residuals in {k} evaluations of G, and "
@@ -166,29 +222,34 @@ def _judged(
     if stall_window and monitor.stalled(stall_window):
         grows = monitor.grows(stall_window)
         failure = (
-            f"The residual has {'grown' if grows else 'not fallen'} over the last {stall_window} evaluations of G."
+            f"The residual has {'grown' if grows else 'not fallen'} over the last {stall_window} evaluations of G; "
+            f"{monitor.worst()}"
         )
         if more and not p.stalls and loop.restart(failure):
             p.stalls += 1
             return None
         return "diverged" if grows else "stalled", failure
     if not more:
-        return "max_iterations", f"Not converged within {max_iterations} evaluations of G."
+        return "max_iterations", f"Not converged within {max_iterations} evaluations of G; {monitor.worst()}"
     failure = loop.advance(x, r)
+    if floors is not None and loop.repeated(x + r) and not failure:
+        p.x = x + r  # x does not matter to the last bit of G there, so that this is the fixed point, if any
     return ("diverged", f"After evaluation {k} {failure}.") if failure else None
 
 
-def _evaluate(G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int) -> tuple[np.ndarray, str]:
-    """G(x) flattened, and a sentence if the arithmetic of G broke down (the values are nan then)."""
+def _evaluate(
+    G: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int
+) -> tuple[np.ndarray, str, ArithmeticError | None]:
+    """G(x) flattened, and a sentence if the arithmetic of G broke down (the values are nan then), with its error."""
     try:
         with np.errstate(all="ignore"):
             found = np.array(G(x.copy()))
     except ArithmeticError as error:
         builtin = type(error).__module__ == "builtins"
         reason = f"G raised {type(error).__name__}: {error}" if builtin else str(error)
-        return np.full(x.size, np.nan), f"At evaluation {k} {reason.rstrip('.')}."
+        return np.full(x.size, np.nan), f"At evaluation {k} {reason.rstrip('.')}.", error
     if found.shape != x.shape:
         raise ValueError(f"G must return the shape of x0, {x.shape}, but returned {found.shape}.")
     if np.iscomplexobj(found):
         raise ValueError(f"G must return real numbers, but returned complex ones at evaluation {k}.")
-    return found.astype(float).ravel(), ""
+    return found.astype(float).ravel(), "", None

@@ -14,15 +14,17 @@ import numpy as np
 
 from interface import StepFailed
 from master.coupling.acceleration import ConstantRelaxation, NewtonKrylov, Scheme
-from master.coupling.convergence import Tolerance
+from master.coupling.admissible import Admissible
+from master.coupling.convergence import ANY, Tolerance
 from master.coupling.exchange import Exchange, Order, StateSnapshot
 from master.coupling.fixed_point import FixedPointResult, fixed_point
 from master.coupling.recovery import Recovery
+from master.coupling.rounding import ExchangeFloors, Rounding
 
-STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled")
+STATUSES = ("converged", "recovered", "max_iterations", "diverged", "stalled", "terminated")
 GOOD = ("converged", "recovered")
-ANY = 1e300  # tolerance of the explicit scheme: one exchange is enough, whatever it leaves
 MOST_STEPS = 1e12  # of a run; beyond it a step is rounding of the time
+UNSAVED = "use the explicit scheme, which repeats no step, or declare a participant without memory memoryless"
 MESSAGES = 100  # sentences kept, so that a long run with many of them does not grow
 PREDICTORS = ("constant", "linear", "quadratic")
 
@@ -115,6 +117,7 @@ class March:
     fields: dict[str, slice]
     predictor: Predictor
     steps: Steps = field(default_factory=Steps)
+    rounding: Rounding | None = None
 
     @classmethod
     def beginning(cls, exchange: Exchange, order: Order, predictor: str) -> "March":
@@ -142,8 +145,9 @@ class March:
 
 @dataclass(frozen=True, eq=False)
 class MarchResult:
-    """End of a transient run: "converged" if every step did (some may have recovered), else the status of the first
-    step that did not, with why. `x` (unknowns,) is what is sent back at the end, `time` s how far it came.
+    """End of a transient run: "converged" if every step did (some may have recovered), "terminated" where a participant
+    asked for the end before the stop time, else the status of the first step that did not converge, with why.
+    `x` (unknowns,) is what is sent back at the end, `time` s how far it came.
     """
 
     status: str
@@ -173,7 +177,8 @@ def march(
 ) -> MarchResult:
     """Step an exchange with `rollback` from its time to `stop_time` s; every communication step is solved to tolerance.
 
-    `scheme` None is the explicit scheme: one exchange a communication step and no iteration. Implicit schemes repeat a
+    `scheme` None is the explicit scheme: one exchange a communication step and no iteration, and no state is saved
+    where it has no `recoveries` (nor by other schemes where nothing is sent back). Implicit schemes repeat a
     step from the states at its beginning, from a `predictor` of what is sent back; tolerances are those of
     `fixed_point`. A step that does not converge is tried once more, without extrapolation and with the scheme
     restarted. If that fails too the run ends (`strict`), or it continues with what was reached and its status says so.
@@ -185,14 +190,18 @@ def march(
     """
     if not exchange.rollback:
         raise ValueError("the exchange advances in time with every evaluation; make it with rollback = True.")
-    if scheme is not None:
+    if scheme is not None and exchange.fields(order):
         exchange.require_rollback()
+    once = (scheme is None or not exchange.fields(order)) and recoveries == 0
     count = _count(exchange, stop_time)
     now = begun or March.beginning(exchange, order, predictor)
     now.require_fields(exchange, order)
     now.use_predictor(predictor)
     settings: dict[str, Any] = {"atol": atol, "rtol": rtol, "residual_rtol": residual_rtol}
     settings |= {"max_iterations": max_iterations, "fields": exchange.fields(order), "recoveries": recoveries}
+    allowed = exchange.admissible(order)
+    now.rounding = now.rounding or Rounding()
+    settings |= {"admissible": allowed, "floors": ExchangeFloors(now.rounding, exchange)}
     status, message = "converged", f"All {len(now.steps) + count} communication steps converged."
     for k, earlier in enumerate(now.steps.statuses if begun else ()):
         if earlier not in GOOD:
@@ -203,11 +212,11 @@ def march(
             hold(now)
         for _ in range(count):
             try:
-                exchange.open(order)
+                exchange.open(order, once)
             except StepFailed as error:
                 if status == "converged":
                     status = "diverged"
-                    message = f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}."
+                    message = f"Communication step {len(now.steps) + 1}, from {exchange.time:g} s: {error}; {UNSAVED}."
                 break
             if scheme is None:
                 ended, found = _explicit_step(exchange, now, order, recoveries)
@@ -215,8 +224,10 @@ def march(
                 ended, found = _implicit_step(exchange, scheme, now, order, settings)
             if ended not in GOOD and status == "converged":
                 status = ended
-                message = f"Communication step {len(now.steps)}, to {exchange.end:g} s: {found.message}"
-            if ended not in GOOD and (strict or not np.all(np.isfinite(found.x_tilde))):
+                where = f"Communication step {len(now.steps)}, to {exchange.end:g} s: "
+                message = f"{'' if ended == 'terminated' else where}{found.message}"
+            lost = ended == "terminated" or not np.all(np.isfinite([*found.x_tilde, found.residual_norms[-1]]))
+            if ended not in GOOD and (strict or lost):
                 with contextlib.suppress(StepFailed):  # of a participant that has ended
                     exchange.rewind()
                 break
@@ -265,10 +276,14 @@ def _implicit_step(
         finally:
             snapshot.close()
 
-    found = attempt(now.predictor.at(exchange.end))
+    allowed: Admissible | None = settings["admissible"]
+    begin = now.predictor.at(exchange.end)
+    begin = begin if allowed is None else allowed.clipped(begin, now.x)
+    found = attempt(begin)
     events: list[Recovery] = list(found.recoveries)
     iterations = found.iterations
-    if not found.converged:
+    same = found.refused and found.iterations == 1 and np.array_equal(begin, now.x)  # is not worth a second try
+    if not found.converged and found.status != "terminated" and not same:
         events.append(Recovery(iterations, found.message.rstrip("."), "the step was restarted"))
         restart = getattr(scheme, "restart", None)
         if restart is not None:

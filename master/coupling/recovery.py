@@ -1,10 +1,13 @@
 """What a coupling loop needs to recover: where it is, what went wrong, and how to continue."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
+from master.coupling.acceleration import Field
+from master.coupling.admissible import Admissible
 from master.coupling.convergence import ConvergenceMonitor
 
 RETREAT = 0.5  # part of the way from the best x that is tried after an evaluation has failed
@@ -62,8 +65,19 @@ class Progress:
 class Loop:
     """The ways from one evaluation to the next; each sets `progress.x`."""
 
-    def __init__(self, progress: Progress, scheme: Any, recoveries: int, anchor: Anchor | None):
+    def __init__(
+        self,
+        progress: Progress,
+        scheme: Any,
+        recoveries: int,
+        anchor: Anchor | None,
+        admissible: Admissible | None = None,
+        parts: Sequence[Field] = (),
+    ):
         self.progress, self.scheme, self.recoveries, self.anchor = progress, scheme, recoveries, anchor
+        self.admissible, self.parts = admissible, parts
+        self._whole: np.ndarray | None = None  # whole numbers of the evaluation before
+        self._x_tilde: np.ndarray | None = None  # of the evaluation before
 
     def mark(self, x: np.ndarray, r: np.ndarray) -> str:
         """Remember the best pair, and the state that goes with it; why that failed, if it did."""
@@ -75,6 +89,22 @@ class Loop:
             return str(error).rstrip(".")
         return ""
 
+    def notice(self, x: np.ndarray) -> None:
+        """Before an evaluation at x counts: where its whole numbers are others than those of the one before, the map is
+        another, across which the scheme takes no difference and residuals are not compared.
+        """
+        if self.admissible is not None and self.admissible.whole.any():
+            whole, self._whole = self._whole, x[self.admissible.whole]
+            if whole is not None and not np.array_equal(whole, self._whole):
+                self.scheme.begin(self.parts)
+                self.progress.monitor.renew()
+
+    def repeated(self, x_tilde: np.ndarray) -> bool:
+        """Whether G gave the same to the last bit as the time before."""
+        same = self._x_tilde is not None and np.array_equal(x_tilde, self._x_tilde)
+        self._x_tilde = x_tilde
+        return same
+
     def advance(self, x: np.ndarray, r: np.ndarray) -> str:
         """By the scheme; an update that fails or is not finite makes it restart. Why there is none, if so."""
         reason = self._update(x, r)
@@ -84,7 +114,7 @@ class Loop:
         """Set the next x; why that failed, if it did."""
         try:
             with np.errstate(all="ignore"):
-                x_next = self.scheme.step(x, r)
+                x_next = self._stepped(x, r)
         except ArithmeticError as error:
             return str(error).rstrip(".")
         if not np.all(np.isfinite(x_next)):
@@ -92,13 +122,27 @@ class Loop:
         self.progress.x = x_next
         return ""
 
-    def retreat(self, reason: str) -> bool:
+    def _stepped(self, x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """The next x of the scheme, which sees no whole numbers."""
+        allowed = self.admissible
+        if allowed is None:
+            stepped: np.ndarray = self.scheme.step(x, r)
+            return stepped
+        x_next = x + r
+        if not allowed.whole.all():
+            x_next[~allowed.whole] = self.scheme.step(allowed.free(x), allowed.free(r))
+        return allowed.clipped(x_next, x + r)
+
+    def retreat(self, reason: str, again: bool = True) -> bool:
         """Half-way to the best point after an evaluation that failed; False if nothing is left to try.
 
         If that failed too, the scheme restarts where it can. Where no evaluation has succeeded yet there is no
-        other point: the same is tried once more, in case the failure was a passing one.
+        other point: the same is tried once more, in case the failure was a passing one, but not where it would not be
+        (`again` False).
         """
         p = self.progress
+        if p.best is None and not again:
+            return False
         if len(p.recoveries) >= (self.recoveries if p.best is not None else min(1, self.recoveries)):
             return False
         if p.recoveries and p.recoveries[-1].iteration == p.evaluations - 1 and self.restart(reason):
@@ -106,6 +150,8 @@ class Loop:
         remedy = "tried again"
         if p.best is not None:
             p.x, remedy = p.best[0] + RETREAT * (p.x - p.best[0]), "tried again half-way to the best point"
+            if self.admissible is not None:
+                p.x = np.where(self.admissible.whole, p.best[0], p.x)
         if not self._restore():
             return False
         p.recovered(reason, remedy)

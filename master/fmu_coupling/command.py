@@ -2,13 +2,15 @@
 
 import contextlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from master.coupling.checkpoint import NO_FILES, Files
+from master.coupling.participants import fmu
 from master.fmu_coupling.document import Document
 from master.fmu_coupling.results import NO_PLOT, RESULTS, Follower, result_rows
 from master.fmu_coupling.run import couple
@@ -18,17 +20,26 @@ SHOWN = 8  # sentences about steps, and inputs without a source, on the terminal
 
 
 def couple_file(
-    path: Path, out: Path | None = None, report: bool = True, files: Files = NO_FILES, force: bool = False
+    path: Path,
+    out: Path | None = None,
+    report: bool = True,
+    files: Files = NO_FILES,
+    force: bool = False,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    watch: Callable[[str], Any] | None = None,
 ) -> int:
-    """Couple the FMUs of a file, print its table, write its results; the exit code."""
-    document = Document.read(path)
+    """Couple the FMUs of a file with some `settings` in place of its own, print its table, write its results; the exit
+    code. `watch` is told whose code is called.
+    """
+    fmu.WATCH = watch
+    document = Document.read(path, settings)
     out = out or Path("results") / path.stem
     with _progress(document) as follow:
         result = couple(document, out, report, follow, files, force)
     left = document.unconnected()
     more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
     notes = [f"note: inputs without a source keep their start values: {', '.join(left[:SHOWN])}{more}"] if left else []
-    notes += [f"note: {remark}" for remark in result.remarks]
+    notes += [f"note: {remark}" for remark in (*document.remarks, *result.remarks)]
     events = list(result.steps.messages)
     notes += [f"note: step {number}, {sentence}" for number, sentence in events[:SHOWN]]
     notes += [f"note: {len(events) - SHOWN} more such notes are in summary.json"] if len(events) > SHOWN else []

@@ -2,20 +2,21 @@
 
 import itertools
 import re
-import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
-from fmpy import platform, read_model_description
+from fmpy import platform, platform_tuple, read_model_description
 
 from master.coupling.participants import FmuParticipant
-from master.coupling.participants.blocks import Blocks, described_limits, grid, grouped
+from master.coupling.participants.blocks import NO_NUMBERS, Blocks, described_limits, grid, grouped
+from master.coupling.participants.fmi3 import scalars_of
 from master.coupling.participants.fmu import require_size
+from master.fmu_coupling.archive import model_description, require_library
 from master.fmu_coupling.entries import nearest
+from master.fmu_coupling.units import Measured, units_of
 
 
 @dataclass(frozen=True)
@@ -23,27 +24,30 @@ class Naming:
     """A block of our own: a variable, a pattern in which # stands for a number, or a list of variables.
 
     `shape` None: that of the variable, of the numbers in the pattern, or of the list. The value of the block is
-    `factor` times the value in the FMU.
+    `factor` times the value in the FMU; None: it is that value, in the unit that the FMU declares.
     """
 
     variables: str | tuple[str, ...]
-    factor: float = 1.0
+    factor: float | None = None
     shape: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True)
 class Named:
-    """A naming that an FMU can follow: its variables in row-major order, their shape, their factor."""
+    """A naming that an FMU can follow: its variables in row-major order, their shape, their factor; `own` if that is of
+    the file, which then knows the unit better than the FMU.
+    """
 
     variables: tuple[str, ...]
     shape: tuple[int, ...]
-    factor: float
+    factor: float = 1.0
+    own: bool = False
 
 
 class Described(Blocks):
     """What an FMU says of itself, without an instance: its blocks, ours included, before anything is run.
 
-    ValueError in one sentence for what is no FMI 2.0 co-simulation FMU, and for a naming that does not fit.
+    ValueError in one sentence for what is no co-simulation FMU of FMI 2.0 or 3.0, and for a naming that does not fit.
     """
 
     def __init__(self, path: str | Path, names: Mapping[str, Naming] | None = None) -> None:
@@ -52,29 +56,40 @@ class Described(Blocks):
             raise ValueError(f"there is no FMU {path}.")
         try:
             require_size(path)
-            version = _version(path)
-            description = read_model_description(str(path), validate=False) if version == "2.0" else None
+            root = model_description(path)
+            version = root.get("fmiVersion")
+            read = version == "2.0" or str(version).startswith("3.")
+            description = read_model_description(str(path), validate=False) if read else None
+            scalars = [] if description is None else scalars_of(description, path)
         except Exception as error:
+            if isinstance(error, ValueError) and str(error).startswith(str(path)):
+                raise
             raise ValueError(f"{path} is not a readable FMU: {' '.join(str(error).split()).rstrip('.')}.") from error
         if description is None or description.coSimulation is None:
             what = "not for co-simulation" if description is not None else f"of FMI {version}"
-            raise ValueError(f"{path} is {what}; export it as an FMI 2.0 co-simulation FMU.")
-        with zipfile.ZipFile(path) as archive:
-            built_for = {name.split("/")[1] for name in archive.namelist() if re.match("binaries/[^/]+/.", name)}
-        if platform not in built_for:
-            what = ", ".join(sorted(built_for)) or "no platform"
-            raise ValueError(f"{path} is built for {what}, not for {platform}; export it for this platform.")
+            raise ValueError(f"{path} is {what}; export it as a co-simulation FMU of FMI 2.0 or 3.0.")
+        here = platform if version == "2.0" else platform_tuple
+        require_library(path, description.coSimulation.modelIdentifier, here)
+        self.units, self.known = units_of(root), (description, scalars)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.only_once = bool(description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         self.model, self.tool = description.modelName, description.generationTool
-        self._variables = {variable.name: variable for variable in description.modelVariables}
-        scalars = grouped(description.modelVariables)
-        self._arrays = {name: tuple(v.name for v in listed) for name, (listed, _) in scalars.items()}
-        self._shapes = {name: shape for name, (_, shape) in scalars.items()}
+        self._variables = {variable.name: variable for variable in scalars}
+        blocks = grouped(scalars)
+        self._arrays = {name: tuple(v.name for v in listed) for name, (listed, _) in blocks.items()}
+        self._shapes = {name: shape for name, (_, shape) in blocks.items()}
+        # FMI 3.0 declares an array, of which its entries have their unit
+        self._declared = {v.name: v.array.name for v in scalars if hasattr(v, "array")}
+        self.elements: dict[str, Named] = {}  # of arrays, which are blocks by themselves too
         self.named = {name: self._found(name, naming) for name, naming in (names or {}).items()}
-        scalars |= {n: ([self._variables[v] for v in block.variables], block.shape) for n, block in self.named.items()}
-        self.blocks = {name: shape for name, (_, shape) in scalars.items()}
-        self.limits = {name: described_limits(*block) for name, block in scalars.items()}
+        blocks |= {n: ([self._variables[v] for v in block.variables], block.shape) for n, block in self.named.items()}
+        self.blocks = {name: shape for name, (_, shape) in blocks.items()}
+        self.limits = {name: described_limits(*block) for name, block in blocks.items()}
+
+    @property
+    def variables(self) -> Mapping[str, Any]:
+        """The scalar variables of the FMU by name, as fmpy describes them."""
+        return self._variables
 
     def scalars(self, block: str) -> tuple[str, ...]:
         """The variables of the FMU that make a block."""
@@ -82,30 +97,70 @@ class Described(Blocks):
 
     def unknown(self, block: str) -> str:
         """The sentence about a name that there is not."""
-        if block in self._variables and self._variables[block].type == "String":
-            return f"{self.name} has '{block}' as a text, and only numbers can be exchanged; leave it out."
+        what = NO_NUMBERS.get(self._variables[block].type) if block in self._variables else None
+        if what is not None:
+            return f"{self.name} has '{block}' as {what}, and only numbers can be exchanged; leave it out."
         return f"{self.name} has no variable or block '{block}'; {nearest(block, self._names())}"
 
+    def knows(self, name: str) -> bool:
+        """Whether there is a block of a name; an element of an array becomes one when it is asked for by its name."""
+        if name in self.blocks:
+            return True
+        variable = self._variables.get(name)
+        if variable is None or variable.type in NO_NUMBERS:
+            return False
+        self.named[name] = self.elements[name] = Named((name,), ())
+        self.blocks[name], self.limits[name] = (), described_limits([variable], ())
+        return True
+
+    def measured(self, block: str) -> list[Measured | None]:
+        """The unit of each variable of a block, None where the FMU declares none; one for all if they are alike. Empty
+        where the file has a unit of its own for the block.
+        """
+        if block in self.named and self.named[block].own:
+            return []
+        units = [self.units.get(self._declared.get(variable, variable)) for variable in self.scalars(block)]
+        return units[:1] if all(unit == units[0] for unit in units) else units
+
     def raw(self, block: str, values: Any) -> np.ndarray:
-        """Start values of a block in the unit of the FMU; ValueError in one sentence if it does not take them."""
-        if block not in self.blocks:
+        """Start values of a block in the unit of the FMU; ValueError in one sentence if it does not take them.
+
+        Truth values may be 1 and 0 too, items of an enumeration are numbers or names.
+        """
+        if not self.knows(block):
             raise ValueError(self.unknown(block))
+        limits, flat = self.limits[block], list(_flat(values))
+        if limits.kind != "boolean" and any(isinstance(value, bool | np.bool_) for value in flat):
+            takes = limits.takes() if limits.kind != "real" else "numbers"
+            raise ValueError(f"{self.name}: block {block!r} takes {takes}, not true or false.")
+        if limits.items and any(isinstance(value, str) for value in flat):
+            for value in flat:
+                if isinstance(value, str) and value not in limits.items:
+                    raise ValueError(f"{self.name}: block {block!r} takes {limits.takes()}, not '{value}'.")
+            values = _replaced(values, limits.items)
         try:
             array = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
             raise ValueError(f"{self.name}: block {block!r} takes numbers of shape {self.blocks[block]}.") from None
         factor = self.named[block].factor if block in self.named else 1.0
-        array = self.checked(block, array / factor, start=True)
-        if self._variables[self.scalars(block)[0]].type != "Real" and not np.array_equal(array, np.round(array)):
-            raise ValueError(f"{self.name}: block {block!r} takes whole numbers.")
-        return array
+        return self.checked(block, array / factor, start=True)
+
+    def items(self, name: str) -> Mapping[str, int]:
+        """The items of a variable or block that is of an enumeration, name -> value."""
+        return self.limits[name].items if self.knows(name) else {}
 
     def require_text(self, name: str) -> None:
         """ValueError in one sentence if a variable takes no text as its start value."""
         variable = self._variables.get(name)
         if variable is None or variable.type != "String":
             known = [v.name for v in self._variables.values() if v.type == "String"]
-            what = "takes numbers" if name in self.blocks else "is not there"
+            what = (
+                "takes numbers"
+                if name in self.blocks
+                else "is not there"
+                if variable is None
+                else (f"is {NO_NUMBERS[variable.type]}")
+            )
             raise ValueError(f"{self.name}: '{name}' {what}; texts go to: {', '.join(known) or 'none'}.")
         if variable.causality not in ("input", "parameter"):
             raise ValueError(f"{self.name}: '{name}' cannot be set, its causality is {variable.causality}.")
@@ -136,11 +191,12 @@ class Described(Blocks):
                         f"block '{name}' mixes variables of different {kind}: {first.name} is {a}, {other.name} "
                         f"is {b}; make two blocks of them."
                     )
-        if first.type == "String":
+        if first.type in NO_NUMBERS:
             raise ValueError(self.unknown(first.name))
-        if naming.factor != 1.0 and first.type != "Real":
+        if naming.factor not in (None, 1.0) and first.type != "Real":
             raise ValueError(f"block '{name}' has a factor, but '{first.name}' is no Real; leave the factor out.")
-        return Named(tuple(listed), shape, naming.factor)
+        factor = 1.0 if naming.factor is None else naming.factor
+        return Named(tuple(listed), shape, factor, naming.factor is not None)
 
     def _listed(self, name: str, variables: str | Sequence[str]) -> tuple[list[str], tuple[int, ...]]:
         """Names of the variables of a block, and their shape."""
@@ -180,10 +236,20 @@ class Described(Blocks):
         return nearest(pattern, dict.fromkeys(re.sub(r"\d+", "#", v) for v in self._variables))
 
 
-def _version(path: str | Path) -> str | None:
-    """The version of FMI of an FMU, before its model description is read as that version has it."""
-    with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
-        return next(ElementTree.iterparse(file, ("start",)))[1].get("fmiVersion")
+def _flat(values: Any) -> Iterator[Any]:
+    """The entries of nested lists."""
+    if isinstance(values, list | tuple):
+        for value in values:
+            yield from _flat(value)
+    else:
+        yield values
+
+
+def _replaced(values: Any, items: Mapping[str, int]) -> Any:
+    """Nested lists with numbers in the place of the names of items."""
+    if isinstance(values, list | tuple):
+        return [_replaced(value, items) for value in values]
+    return items[values] if isinstance(values, str) else values
 
 
 class MappedParticipant(Blocks):
@@ -197,18 +263,22 @@ class MappedParticipant(Blocks):
         start_time: float = 0.0,
         stop_time: float | None = None,
         described: Described | None = None,
+        instance: str | None = None,
+        initialise: bool = True,
     ) -> None:
         described = described or Described(path, names)
-        texts = {name: value for name, value in (start or {}).items() if isinstance(value, str)}
+        texts = {n: value for n, value in (start or {}).items() if isinstance(value, str) and not described.items(n)}
         for name in texts:
             described.require_text(name)
         raw = {block: described.raw(block, value) for block, value in (start or {}).items() if block not in texts}
         named = {name: (block.variables, block.shape) for name, block in described.named.items()}
         self._factors = {name: block.factor for name, block in described.named.items() if block.factor != 1.0}
-        self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts)
+        self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts, instance, initialise, described.known)
         self.name, self.blocks, self.limits = self.fmu.name, self.fmu.blocks, self.fmu.limits
         self.own_blocks = self.fmu.own_blocks
         self.saves_state, self.serialises_state = self.fmu.saves_state, self.fmu.serialises_state
+        self.enter_initialization = self.fmu.enter_initialization
+        self.exit_initialization = self.fmu.exit_initialization
         self.step, self.save, self.restore, self.free = self.fmu.step, self.fmu.save, self.fmu.restore, self.fmu.free
         self.serialised, self.deserialised = self.fmu.serialised, self.fmu.deserialised
 
@@ -216,6 +286,11 @@ class MappedParticipant(Blocks):
         """See Participant."""
         factor = self._factors.get(block)
         self.fmu.set(block, values if factor is None else np.asarray(values, dtype=float) / factor)
+
+    def receive(self, block: str, values: Any) -> None:
+        """See FmuParticipant."""
+        factor = self._factors.get(block)
+        self.fmu.receive(block, values if factor is None else np.asarray(values, dtype=float) / factor)
 
     def get(self, block: str) -> np.ndarray:
         """See Participant."""

@@ -152,7 +152,7 @@ def summary(document: Document, result: CoupleResult) -> dict[str, Any]:
         "recoveries": sum(steps.recoveries),
         "residual": steps.residuals[-1] if len(steps) else None,
         "messages": [{"step": number, "message": sentence} for number, sentence in steps.messages],
-        "remarks": result.remarks,
+        "remarks": [*document.remarks, *result.remarks],
         "fmu_messages": {name: [text for _, text in log] for name, log in result.logs.items()},
         "wall_time_s": {
             "total": seconds["total"],
@@ -164,7 +164,7 @@ def summary(document: Document, result: CoupleResult) -> dict[str, Any]:
         "settings": {key: value for key, value in vars(s).items() if s.mode == "transient" or key not in STEPPING},
         "participants": {
             name: {
-                "fmu": member.fmu,
+                "fmu": document.source(name),
                 "model": document.described[name].model,
                 "made_with": document.described[name].tool,
                 "saves_state": document.described[name].saves_state,
@@ -178,8 +178,11 @@ def summary(document: Document, result: CoupleResult) -> dict[str, Any]:
             }
             for name, member in document.participants.items()
         },
-        "connections": [{"from": c.field, "to": f"{c.target}.{c.input}", "factor": c.factor}
-                        for c in document.connections],
+        "connections": [
+            {"from": c.field, "to": f"{c.target}.{c.input}", "factor": c.factor, "offset": c.offset}
+            | ({"map": c.table} if c.table else {})
+            for c in document.connections
+        ],
         "inputs_without_source": document.unconnected(),
         "versions": versions(),
     }  # fmt: skip

@@ -1,6 +1,7 @@
-"""Any FMI 2.0 co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
+"""Any co-simulation FMUs coupled as a document says: in time, or to a fixed point in pseudo-time."""
 
 import contextlib
+import os
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ from master.coupling.march import STATUSES, March, MarchResult, Steps, march
 from master.coupling.schemes import scheme
 from master.coupling.steady import Goal, Search, steady
 from master.fmu_coupling.document import Document
+from master.fmu_coupling.initial import initialised
 from master.fmu_coupling.mapping import MappedParticipant
 from master.fmu_coupling.results import RESULTS, TABLES, CoupleResult, Follower, Recorder
 from master.report.results_folder import ResultsFolder
@@ -25,14 +27,21 @@ from master.report.results_folder import ResultsFolder
 @contextlib.contextmanager
 def opened(document: Document) -> Iterator[Exchange]:
     """The participants of a document, loaded and initialised, as an exchange; they are closed at the end."""
-    s = document.settings
-    stop = s.stop if s.mode == "transient" else None
+    before = Path.cwd()
     with contextlib.ExitStack() as stack:
+        stack.callback(os.chdir, before)  # FMUs may leave another
         participants = {}
+        places = {name: member.fmu.absolute() for name, member in document.participants.items()}
         for name, m in document.participants.items():
-            made = MappedParticipant(m.fmu, m.names, m.start, s.start, stop, document.described[name])
+            made = MappedParticipant(
+                places[name], m.names, m.start, document.settings.start, document.stop_told, document.described[name],
+                name, initialise=False,
+            )  # fmt: skip
             participants[name] = stack.enter_context(made)
-        yield document.exchange(participants)
+        remarks = initialised(document, participants)
+        exchange = document.exchange(participants)
+        exchange.remarks += remarks
+        yield exchange
 
 
 def couple(
@@ -50,6 +59,8 @@ def couple(
     `force`. ValueError in one sentence for bad input, before anything
     is run; what fails in the run ends in a status.
     """
+    out = None if out is None else Path(out).absolute()
+    files = files.absolute()
     if not isinstance(document, Document):
         document = Document.of(document) if isinstance(document, Mapping) else Document.read(document)
     files.require_writable()
@@ -67,14 +78,25 @@ def couple(
         ended = run.ended()
         seconds = {"total": time.perf_counter() - begin, "set_up": ready - begin, **ended.seconds}
         logs = {name: list(p.fmu.messages) for name, p in exchange.participants.items()}  # type: ignore[attr-defined]
+        remarks = [*exchange.remarks, *_said(exchange), *run.keeper.remarks]
         result = CoupleResult(
-            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs,
-            run.keeper.remarks,
-        )  # fmt: skip
+            ended.status, ended.message, ended.time, ended.steps, ended.evaluations, run.values, seconds, logs, remarks
+        )
         if recorder is not None and results is not None:
             recorder.finish(result, report)
             results.place()
     return result
+
+
+def _said(exchange: Exchange) -> list[str]:
+    """What FMUs logged as errors and went on after, and which inputs they were sent beyond their bounds."""
+    found = []
+    for name, participant in exchange.participants.items():
+        fmu: Any = participant.fmu  # type: ignore[attr-defined]
+        found += [f"{exchange.described(name)} logged an error and went on: {text}" for text in fmu.alarms]
+        for block, value in fmu.outside.items():
+            found.append(f"{name}.{block} was sent {value:g}, which lies beyond its bounds, and the FMU took it.")
+    return found
 
 
 class Run:
@@ -180,6 +202,7 @@ class Run:
 
     def _transient(self) -> MarchResult:
         s = self.document.settings
+        repeats = self.scheme is not None and bool(self.exchange.fields(s.order))
         return march(
             self.exchange,
             self.scheme,
@@ -191,7 +214,7 @@ class Run:
             s.residual_rtol,
             s.max_iterations,
             s.strict,
-            s.recoveries,
+            s.recoveries if repeats else 0,
             callback=lambda _, __: self._follow(self.now.steps.residuals[-1]),
             hold=self._hold,
             begun=self.now,

@@ -11,10 +11,11 @@ from master.coupling.convergence import required_count
 from master.coupling.participants.blocks import assignment_text
 from master.coupling.schemes import SCHEMES
 from master.report.results_folder import ResultsFolder
-from master.report.tables import plain
+from master.report.tables import plain, versions
+from master.studies.couplings import coupling_cells, is_coupling
 from master.studies.files import FILES, Store
 from master.studies.flat import flat_rows
-from master.studies.grid import Cell, grid
+from master.studies.grid import Cell, code_digest, grid, scheme_variants
 from master.studies.pool import rows
 
 __all__ = ["compare"]
@@ -43,6 +44,9 @@ def compare(
     progress: Callable[[int, int, dict[str, Any] | None], Any] | None = None,
 ) -> list[dict[str, Any]]:
     """Solve every scene with every scheme; a flat dict per cell, such that `pandas.DataFrame` makes a table of them.
+
+    What is compared may be coupling files too (`kitecosim couple`; .toml, .ssp), whose FMUs are then coupled with each
+    scheme; tolerances and limits are theirs.
 
     A cell is a scene with settings and a scheme with parameters; each begins at the scene's start. `schemes`
     are names of `master.coupling.SCHEMES`, all that the backend allows if None. `parameters` maps names of scheme
@@ -89,7 +93,16 @@ def compare(
     ordered = [orders] if isinstance(orders, str) else list(orders)
     assigned = {k: assignment_text(v) for k, v in (settings or {}).items()}
     transient = {"stop_time": stop_time, "step": step}
-    cells = grid(paths, names, listed, assigned, swept, ordered, options, transient)
+    files = [path for path in paths if is_coupling(path)]
+    of_scenes = [path for path in paths if path not in files]
+    if files and not of_scenes and (assigned or swept):
+        raise ValueError("--set and --sweep are for scenes; what FMUs start with is written in their coupling file.")
+    cells = grid(of_scenes, names, listed, assigned, swept, ordered, options, transient, bool(files))
+    if files:
+        shared = code_digest(), versions()
+        cells += coupling_cells(files, scheme_variants(names, listed), ordered, repeat, transient, *shared)
+    if not cells:
+        raise ValueError("FMUs give no derivatives, which the schemes named need; name another.")
     if out is None:
         found = _solved(cells, jobs, None, False, progress)
         return flat_rows(cells, [found[cell.key] for cell in cells])

@@ -12,6 +12,7 @@ from master.coupling.participants import Participant
 from master.coupling.participants.private_folder import PrivateFolder
 from master.coupling.schemes import SCHEMES, scheme
 from master.coupling.simulation import Simulation, simulate
+from master.studies.couplings import BACKEND, coupled_row
 from master.studies.grid import Cell
 
 OUTPUTS = ("CL", "CD", "tip_span")  # outputs of the flow that tell one equilibrium from another
@@ -54,6 +55,8 @@ def solved(cell: Cell) -> dict[str, Any]:
     """
     begin = time.perf_counter()
     try:
+        if cell.backend == BACKEND:
+            return coupled_row(cell)
         scene, given, cores = prepared(cell.folder, cell.assigned)
         scene, _, _ = at_rest(scene, given, cores)
         _warm(cell, scene, given)

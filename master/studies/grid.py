@@ -70,17 +70,25 @@ def grid(
     orders: Sequence[str],
     options: Mapping[str, Any],
     transient: Mapping[str, float | None],
+    others: bool = False,
 ) -> list[Cell]:
     """All cells in the order of the scenes, their settings, the schemes, their parameters, the orders of exchange.
 
     Names in `parameters` may have a scheme in front, those of `assigned` and `sweep` a scene: `iqn-ils.reuse`,
-    `v3_kite.wind_speed`; without it they go to all that have them. ValueError in one sentence for whatever is wrong.
+    `v3_kite.wind_speed`; without it they go to all that have them. `others`: there are cells beside those of scenes.
+    ValueError in one sentence for whatever is wrong.
     """
-    _checked(scenes, schemes, orders, options)
-    variants = _variants(schemes, parameters)
+    _checked(scenes, schemes, orders, options, others)
+    if not scenes:
+        return []
+    variants = scheme_variants(schemes, parameters)
     cases = _cases(scenes, assigned, sweep)
-    found, code = versions(), _code_digest()
-    if not any(scene.transient for scene, _, _ in cases) and any(value is not None for value in transient.values()):
+    found, code = versions(), code_digest()
+    if (
+        not others
+        and not any(scene.transient for scene, _, _ in cases)
+        and any(value is not None for value in transient.values())
+    ):
         raise ValueError("--stop-time and --step are for transient scenes, and none is compared; leave them out.")
     cells = []
     for scene, given, case in cases:
@@ -104,8 +112,10 @@ def grid(
     return cells
 
 
-def _checked(scenes: Sequence[str], schemes: Sequence[str], orders: Sequence[str], options: Mapping[str, Any]) -> None:
-    if not scenes:
+def _checked(
+    scenes: Sequence[str], schemes: Sequence[str], orders: Sequence[str], options: Mapping[str, Any], others: bool
+) -> None:
+    if not scenes and not others:
         raise ValueError("there is nothing to compare; name a scene, for example v3_kite.")
     if not schemes:
         raise ValueError(f"there is no scheme to compare; choose from: {', '.join(SCHEMES)}.")
@@ -126,7 +136,9 @@ def _checked(scenes: Sequence[str], schemes: Sequence[str], orders: Sequence[str
         required_count(f"--{key.replace('_', '-')}", options[key])
 
 
-def _variants(schemes: Sequence[str], given: Mapping[str, Sequence[Any]]) -> list[tuple[str, dict[str, Any], str]]:
+def scheme_variants(
+    schemes: Sequence[str], given: Mapping[str, Sequence[Any]]
+) -> list[tuple[str, dict[str, Any], str]]:
     """(scheme, its parameters that are given, label) of every combination of the values given."""
     lists: dict[str, dict[str, Sequence[Any]]] = {name: {} for name in schemes}
     for key, values in given.items():
@@ -225,7 +237,7 @@ def _digest(folder: Path, patterns: Iterable[str], but: Sequence[str] = ()) -> s
     return files_digest(folder, kept)
 
 
-def _code_digest() -> str:
+def code_digest() -> str:
     """Hash of the code that makes the numbers."""
     parts = []
     for package, pattern in _NUMBERS.items():

@@ -42,6 +42,20 @@ def oscillator(dt, factor=1.0, **options):
     return Exchange(participants, connections, dt=dt, rollback=True, **options)
 
 
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+def test_an_offset_arrives_and_leaves_the_derivative_as_it_is(order):
+    participants = {"a": Tangent(2.0, c=1.0), "b": Tangent(0.5)}
+    connections = [Connection("a", "f", "b", "x", -3.0, 273.15), Connection("b", "f", "a", "x")]
+    exchange = Exchange(participants, connections)
+    x = np.full(exchange.present(order).size, 0.3)
+    exchange.evaluate(x, order)
+    sent = exchange.participants["a"].get("f") if order == "serial" else x[0]
+    assert exchange.participants["b"].values["x"] == -3.0 * sent + 273.15
+    found, plain = exchange.derivative(np.ones_like(x), order), ring(-3.0)
+    plain.evaluate(x, order)
+    assert np.array_equal(found, plain.derivative(np.ones_like(x), order))
+
+
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_a_factor_and_its_inverse_in_the_participant_cancel_also_where_inputs_are_ramps(substeps):
     found = []
@@ -70,3 +84,20 @@ def test_an_anchor_brings_back_the_time_of_its_states_too():
     anchor.restore()
     assert exchange.time == 0.5
     anchor.close()
+
+
+def test_what_is_sent_back_goes_on_to_later_participants_as_it_is_by_now():
+    participants = {"first": Tangent(0.5), "middle": Tangent(3.0, c=1.0), "last": Tangent(2.0)}
+    connections = [
+        Connection("middle", "f", "first", "x"),
+        Connection("first", "f", "middle", "x"),
+        Connection("middle", "f", "last", "x"),
+    ]
+    exchange = Exchange(participants, connections)
+    x, v, h = np.array([0.3]), np.array([1.0]), 1e-5
+    exchange.evaluate(x)
+    middle = participants["middle"].get("f")
+    assert participants["last"].get("f") == -2.0 * middle  # not of x
+    difference = (exchange.evaluate(x + h * v) - exchange.evaluate(x - h * v)) / (2.0 * h)
+    exchange.evaluate(x)
+    assert exchange.derivative(v) == pytest.approx(difference, rel=1e-8)  # h^2 and rounding / h

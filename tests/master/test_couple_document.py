@@ -86,7 +86,7 @@ MISTAKES = [
     ({FLUID + "/start/stiffness": "soft"}, "fluid.fmu: 'stiffness' takes numbers; texts go to: table."),
     ({FLUID + "/start/tabel": "t.csv"}, "fluid.fmu: 'tabel' is not there; texts go to: table."),
     ({"connections/0/from": "fluid.table"}, "fluid.fmu has 'table' as a text, and only numbers can be exchanged"),
-    ({FLUID + "/start/fail_at": 0.5}, "block 'fail_at' takes whole numbers."),
+    ({FLUID + "/start/fail_at": 0.5}, "block 'fail_at' takes whole numbers, not 0.5."),
     ({WALL + "/blocks/position": "p_#"}, "block 'position': no variable of wall.fmu matches 'p_#'; did you mean "),
     ({WALL + "/blocks/position": "Q_1"}, "wall.fmu has no variable or block 'Q_1'; did you mean q_1"),
     ({WALL + "/blocks/position": ["q_1", "v_1"]}, "block 'position' mixes variables of different causality: q_1 is "
@@ -104,6 +104,7 @@ MISTAKES = [
     ({"connections": []}, "there are no connections; add [[connections]] with from and to."),
     ({"connections": {}}, "connections must be tables, each headed [[connections]]."),
     ({"connections/0/factor": 0}, "[[connections]] 1: factor must not be zero, as nothing would arrive"),
+    ({"connections/0/offset": "1"}, "[[connections]] 1: offset must be a number, not '1'."),
     ({"connections/0/from": "load"}, "[[connections]] 1: from is 'load'; write participant.block."),
     ({"connections/0/form": "x"}, "[[connections]] 1: knows no key 'form'; did you mean from"),
     ({"connections/0/from": "fluit.load"}, "from names no participant 'fluit'; did you mean fluid?"),
@@ -178,7 +179,7 @@ def test_a_file_that_is_no_toml_is_told_by_its_line(tmp_path):
     ("old", "new", "what"),
     [
         ('fmiVersion="2.0"', 'fmiVersion="1.0"', "of FMI 1.0"),
-        ('fmiVersion="2.0"', 'fmiVersion="3.0"', "of FMI 3.0"),
+        ('fmiVersion="2.0"', 'fmiVersion="4.0"', "of FMI 4.0"),
         ("<CoSimulation", "<ModelExchange", "not for co-simulation"),
     ],
 )
@@ -186,7 +187,7 @@ def test_an_fmu_of_another_kind_is_refused(tmp_path, old, new, what):
     path = tmp_path / "other.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", DESCRIPTION.replace(old, new))
-    with pytest.raises(ValueError, match=f"is {what}; export it as an FMI 2.0 co-simulation FMU"):
+    with pytest.raises(ValueError, match=f"is {what}; export it as a co-simulation FMU of FMI 2.0 or 3.0"):
         Described(path)
 
 

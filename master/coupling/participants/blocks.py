@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from ctypes import c_double, c_int, c_uint
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Self
 
@@ -15,6 +15,14 @@ import numpy as np
 from interface import Criterion
 from interface.variables import allowed, first_outside
 
+SINGLE, DOUBLE = 1e-6, 1e-12  # rounding of a few operations in single and double precision, relative
+NO_NUMBERS = {  # types of variables that are not exchanged -> what they are
+    "String": "a text",
+    "Texts": "an array of texts",
+    "Binary": "binary data",
+    "Clock": "a clock",
+    "Clocked": "a value at the ticks of a clock",
+}
 INDEXED = re.compile(r"(.+?)\[(\d+(?:,\d+)*)\]", re.DOTALL)  # name[i], name[i,j]
 
 
@@ -23,7 +31,7 @@ class Limits:
     """What a block takes: bounds are numbers or arrays of its shape, None where there are none.
 
     `started`: takes a start value, whatever its causality (FMI: initial is exact or approx). `kind` is "real", or
-    "boolean" or "integer" for whole numbers.
+    "boolean", "integer" or "enumeration" for whole numbers; `items` are those of an enumeration, name -> value.
     """
 
     causality: str
@@ -32,6 +40,25 @@ class Limits:
     maximum: np.ndarray | float | None = None
     started: bool = False
     kind: str = "real"
+    items: Mapping[str, int] = field(default_factory=dict)
+
+    def takes(self) -> str:
+        """Which values those of a kind that is not real may have, in words."""
+        if self.kind == "boolean":
+            return "true or false (1 or 0)"
+        if self.kind == "enumeration":
+            return "one of the items " + ", ".join(f"{name} ({value})" for name, value in self.items.items())
+        return "whole numbers"
+
+    def foreign(self, array: np.ndarray) -> float | None:
+        """The first value that is none of the kind, None if there is none."""
+        if self.kind == "boolean":
+            bad = (array != 0.0) & (array != 1.0)
+        elif self.kind == "enumeration" and self.items:
+            bad = ~np.isin(array, list(self.items.values()))
+        else:
+            bad = array != np.round(array)
+        return float(array.reshape(-1)[np.argmax(bad)]) if bad.any() else None
 
 
 class Blocks:
@@ -42,6 +69,7 @@ class Blocks:
     limits: dict[str, Limits]
     offers_derivatives: bool = False
     criteria: tuple[Criterion, ...] = ()  # what its outputs are judged by, where it is known
+    outside: dict[str, float]  # input -> first value that a source sent beyond its bounds
 
     @property
     def causality(self) -> dict[str, str]:
@@ -57,6 +85,45 @@ class Blocks:
 
     def checked(self, block: str, values: Any, start: bool = False) -> np.ndarray:
         """The values as float64 if the block may be set to them (as start values), else ValueError in one sentence."""
+        array = self._fitting(block, values, start)
+        limits = self.limits[block]
+        k = first_outside(array, limits.minimum, limits.maximum)
+        if k is not None:
+            value, low, high = (
+                None if b is None else float(np.broadcast_to(b, array.shape).reshape(-1)[k])
+                for b in (array, limits.minimum, limits.maximum)
+            )
+            wanted = allowed(low, high) if np.isfinite(array).all() else "finite"
+            raise ValueError(f"{self.name}: block {block!r} must be {wanted}, not {value:g}.")
+        if limits.kind != "real":
+            self._require_kind(block, array, limits)
+        return array
+
+    def arriving(self, block: str, values: Any) -> np.ndarray:
+        """The values that a source sends to an input: a bound that they miss by rounding is put in their place (that of
+        single precision, beside the bounds; a bound of zero alone knows only the nominal size of 1). Those farther
+        outside stay, and `outside` remembers the first. ValueError in one sentence for what is not finite or of another
+        kind.
+        """
+        array = self._fitting(block, values, False)
+        limits = self.limits[block]
+        if (k := first_outside(array)) is not None:
+            raise ValueError(f"{self.name}: block {block!r} must be finite, not {array.reshape(-1)[k]:g}.")
+        if limits.kind != "real":
+            self._require_kind(block, array, limits)
+        elif first_outside(array, limits.minimum, limits.maximum) is not None:
+            low = -np.inf if limits.minimum is None else limits.minimum
+            high = np.inf if limits.maximum is None else limits.maximum
+            sizes = np.maximum(*(np.where(np.isfinite(b), np.abs(b), 0.0) for b in (low, high)))
+            slack = np.where(sizes > 0.0, SINGLE * sizes, DOUBLE)
+            inside = np.clip(array, low, high)
+            array = np.where(np.abs(array - inside) <= slack, inside, array)
+            if block not in self.outside and (k := first_outside(array, limits.minimum, limits.maximum)) is not None:
+                self.outside[block] = float(array.reshape(-1)[k])
+        return array
+
+    def _fitting(self, block: str, values: Any, start: bool) -> np.ndarray:
+        """The values as float64 of the shape of a block that may be set."""
         shape = self.shape(block)
         limits = self.limits[block]
         if limits.causality not in ("input", "parameter") and not (start and limits.started):
@@ -69,15 +136,12 @@ class Blocks:
             raise ValueError(f"{self.name}: block {block!r} takes numbers of shape {shape}.") from None
         if array.shape != shape:
             raise ValueError(f"{self.name}: block {block!r} has shape {shape}, not {array.shape}.")
-        k = first_outside(array, limits.minimum, limits.maximum)
-        if k is None:
-            return array
-        value, low, high = (
-            None if b is None else float(np.broadcast_to(b, shape).reshape(-1)[k])
-            for b in (array, limits.minimum, limits.maximum)
-        )
-        wanted = allowed(low, high) if np.isfinite(array).all() else "finite"
-        raise ValueError(f"{self.name}: block {block!r} must be {wanted}, not {value:g}.")
+        return array
+
+    def _require_kind(self, block: str, array: np.ndarray, limits: Limits) -> None:
+        value = limits.foreign(array)
+        if value is not None:
+            raise ValueError(f"{self.name}: block {block!r} takes {limits.takes()}, not {value:g}.")
 
     def directional_derivative(self, changes: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Derivative of the outputs of the last step along a direction in the inputs; no state is changed.
@@ -104,7 +168,7 @@ def grouped(variables: Iterable[Any]) -> dict[str, tuple[list[Any], tuple[int, .
     """
     groups: dict[str, list[tuple[tuple[int, ...], Any]]] = {}
     for variable in variables:
-        if variable.type != "String":
+        if variable.type not in NO_NUMBERS:
             found = INDEXED.fullmatch(variable.name)
             name, indices = found.groups() if found else (variable.name, "")
             place = tuple(map(int, indices.split(","))) if indices else ()
@@ -134,16 +198,32 @@ def grid(places: list[tuple[int, ...]]) -> tuple[int, ...] | None:
 
 def described_limits(scalars: list[Any], shape: tuple[int, ...]) -> Limits:
     """Causality, variability and bounds of a block of an FMU, from the descriptions of its scalars."""
-    lower = [-np.inf if scalar.min is None else float(scalar.min) for scalar in scalars]
-    upper = [np.inf if scalar.max is None else float(scalar.max) for scalar in scalars]
+    lower = [_bound(scalar, "min") for scalar in scalars]
+    upper = [_bound(scalar, "max") for scalar in scalars]
+    bounded = any(map(math.isfinite, lower)), any(map(math.isfinite, upper))
     return Limits(
         scalars[0].causality,
         scalars[0].variability,
-        np.reshape(lower, shape) if np.isfinite(lower).any() else None,
-        np.reshape(upper, shape) if np.isfinite(upper).any() else None,
+        np.reshape(lower, shape) if bounded[0] else None,
+        np.reshape(upper, shape) if bounded[1] else None,
         all(s.initial in ("exact", "approx") and s.variability != "constant" for s in scalars),
-        {"Real": "real", "Boolean": "boolean"}.get(scalars[0].type, "integer"),
+        {"Real": "real", "Boolean": "boolean", "Enumeration": "enumeration"}.get(scalars[0].type, "integer"),
+        _items(scalars[0]),
     )
+
+
+def _items(scalar: Any) -> dict[str, int]:
+    """The items of the type of a variable, name -> value."""
+    declared = getattr(scalar, "declaredType", None)
+    return {item.name: int(item.value) for item in getattr(declared, "items", ())}
+
+
+def _bound(scalar: Any, which: str) -> float:
+    """A bound of a variable, that of its type where it has none of its own."""
+    own = getattr(scalar, which)
+    if own is None:
+        own = getattr(getattr(scalar, "declaredType", None), which, None)
+    return (-math.inf if which == "min" else math.inf) if own is None else float(own)
 
 
 class Channel:

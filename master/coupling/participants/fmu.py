@@ -1,38 +1,43 @@
-"""An FMI 2.0 co-simulation FMU as a participant.
+"""A co-simulation FMU of FMI 2.0 or 3.0 as a participant.
 
 An FMU's scalars `name[i,j]` are grouped into blocks, and every exchange is one C call a block on prebuilt arrays.
 """
 
 import contextlib
 import errno
+import functools
 import itertools
 import os
 import time
 import weakref
 import zipfile
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from ctypes import byref, c_char, c_char_p, c_size_t, c_uint, c_void_p
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy import calloc, extract, free, platform, read_model_description
+from fmpy import calloc, extract, free, platform, platform_tuple, read_model_description
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.logging import addLoggerProxy
 
-from interface import StepFailed
 from master.coupling.participants.blocks import Blocks, Channel, described_limits, grouped
+from master.coupling.participants.ended_steps import failure, finished
+from master.coupling.participants.fmi3 import Fmi3Library, scalars_of
 from master.coupling.participants.private_folder import PrivateFolder
 
-# fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call,
-# lives for ever, and finds the participant by the environment pointer that FMI hands through.
+# fmpy's proxy, which formats what FMUs log, has one callback in a process: ours is made current before every call and
+# lives for ever. What arrives during a call is of the participant that is called: many FMUs hand on a pointer of their
+# own, or none, instead of the environment they were given. That counts only between calls (threads of an FMU).
 _LISTENERS: "weakref.WeakValueDictionary[int, FmuParticipant]" = weakref.WeakValueDictionary()
 _NUMBERS = itertools.count(1)
+_CALLED: "list[FmuParticipant]" = []  # the last one is called now
+_NAMES: "weakref.WeakValueDictionary[str, FmuParticipant]" = weakref.WeakValueDictionary()  # of living instances
 
 
 def _hear(environment: int, _instance: bytes, status: int, _category: bytes, message: bytes) -> None:
-    participant = _LISTENERS.get(environment)
+    participant = _CALLED[-1] if _CALLED else _LISTENERS.get(environment)
     try:
         if participant is not None and message is not None:
             participant.hear(status, message.decode("utf-8", "replace"))
@@ -44,13 +49,17 @@ def _hear(environment: int, _instance: bytes, status: int, _category: bytes, mes
 _LOGGER = fmi2CallbackLoggerTYPE(_hear)
 _PROXIED = fmi2CallbackFunctions()
 _PROXIED_POINTER = byref(_PROXIED)
+WATCH: Callable[[str], Any] | None = None  # is told which instance is called, "" behind a call
 LARGEST = 4 * 2**30  # bytes of an FMU that is unpacked
+ALARMS = 20  # different errors in calls that succeeded which are kept
+OURS = "kitecosim"  # how the tool that made our FMUs is called
 _WARNING, _DISCARD, _ERROR, _FATAL = 1, 2, 3, 4  # fmi2Status
 
 
 def _needed(path: str) -> bool:
     """Whether a file of an FMU is of use here: the binaries of other platforms are not."""
-    return not path.startswith("binaries/") or path.startswith(f"binaries/{platform}/")
+    here = f"binaries/{platform}/", f"binaries/{platform_tuple}/"  # of FMI 2.0 and 3.0
+    return not path.startswith("binaries/") or path.startswith(here)
 
 
 def require_size(path: str | Path) -> None:
@@ -77,12 +86,16 @@ class FMU2Sparse(FMU2Slave):  # fmpy tells the version of FMI by the first lette
 
 
 class FmuParticipant(Blocks):
-    """Any FMI 2.0 co-simulation FMU, initialised and ready to step; use it as a context manager or close it.
+    """Any co-simulation FMU of FMI 2.0 or 3.0, initialised and ready to step; use it as a context manager or close it.
 
     `parameters` (block -> value) are start values of parameters and inputs, `texts` those of String variables. `named`
-    makes blocks beside those of `name[i,j]` (`own_blocks`): name -> (variables in row-major order, shape). What the
-    FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs. `initialisation_s` is the time
-    that its initialisation took, in which an FMU computes its outputs for the first time.
+    makes blocks beside those of `name[i,j]` (`own_blocks`): name -> (variables in row-major order, shape). `instance`
+    is the name of the instance, unique as FMI asks; by default that of the model, with a number if it is taken. What
+    the FMU logs is kept, not printed: `messages` holds the last (status, sentence) pairs, `alarms` the errors that it
+    logged in calls that succeeded. `initialisation_s` is the time that its initialisation took, in which an FMU
+    computes its outputs for the first time; with `initialise` False that is left to `enter_initialization` and
+    `exit_initialization`, and inputs can be set between the two. `known` are its model description and its scalars,
+    where they were read before.
     """
 
     def __init__(
@@ -93,9 +106,15 @@ class FmuParticipant(Blocks):
         stop_time: float | None = None,
         named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]] | None = None,
         texts: Mapping[str, str] | None = None,
+        instance: str | None = None,
+        initialise: bool = True,
+        known: tuple[Any, list[Any]] | None = None,
     ) -> None:
-        self.name = Path(path).name
+        self.name, self.instance = Path(path).name, instance
         self.messages: deque[tuple[int, str]] = deque(maxlen=50)
+        self.alarms: dict[str, None] = {}
+        self.outside: dict[str, float] = {}
+        self._times = start_time, stop_time
         if not Path(path).is_file():
             raise ValueError(f"There is no FMU {path}.")
         self._private = PrivateFolder()
@@ -105,29 +124,47 @@ class FmuParticipant(Blocks):
         self._fmu: Any = None  # of fmpy, while it is alive
         self._end = "is closed."
         try:
-            self._load(path, named or {})
+            self._load(path, named or {}, known)
             for block, value in (parameters or {}).items():
                 self._put(block, self.checked(block, value, start=True))
-            dll, defined = self._alive(), stop_time is not None
             for name, text in (texts or {}).items():
                 reference, value = (c_uint * 1)(self._texts[name]), (c_char_p * 1)(text.encode())
-                self._require(dll.fmi2SetString, self._component, reference, 1, value)
-            self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start_time, defined, stop_time or 0.0)
-            begin = time.perf_counter()
-            self._require(dll.fmi2EnterInitializationMode, self._component)
-            self._require(dll.fmi2ExitInitializationMode, self._component)
-            self.initialisation_s = time.perf_counter() - begin
-            self._initialised = True
+                self._require(self._alive().fmi2SetString, self._component, reference, 1, value)
+            if initialise:
+                self.enter_initialization()
+                self.exit_initialization()
         except BaseException:
             self.close()
             raise
 
-    def _load(self, path: str | Path, named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]]) -> None:
+    def enter_initialization(self) -> None:
+        """Into initialization mode, with the start values that were given."""
+        dll, (start, stop) = self._alive(), self._times
+        begin = time.perf_counter()
+        self._require(dll.fmi2SetupExperiment, self._component, 0, 0.0, start, stop is not None, stop or 0.0)
+        self._require(dll.fmi2EnterInitializationMode, self._component)
+        self.initialisation_s = time.perf_counter() - begin
+
+    def exit_initialization(self) -> None:
+        """Out of initialization mode: ready to step."""
+        begin = time.perf_counter()
+        self._require(self._alive().fmi2ExitInitializationMode, self._component)
+        self.initialisation_s += time.perf_counter() - begin
+        if isinstance(self._fmu, Fmi3Library):
+            self._channels.clear()
+        self._initialised = True
+
+    def _load(
+        self,
+        path: str | Path,
+        named: Mapping[str, tuple[Sequence[str], tuple[int, ...]]],
+        known: tuple[Any, list[Any]] | None,
+    ) -> None:
         """Unpack, describe and instantiate."""
         try:
             require_size(path)
             extract(str(path), self._folder, include=_needed)
-            description = read_model_description(self._folder, validate=False)
+            description = known[0] if known is not None else read_model_description(self._folder, validate=False)
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
                 why = str(error.strerror).lower()
@@ -135,14 +172,16 @@ class FmuParticipant(Blocks):
             raise ValueError(f"{path} is not a readable FMU: {error}") from error
         except Exception as error:
             raise ValueError(f"{path} is not a readable FMU: {error}") from error
-        if description.fmiVersion != "2.0" or description.coSimulation is None:
-            raise ValueError(f"{path} is not an FMI 2.0 co-simulation FMU.")
+        if not description.fmiVersion.startswith(("2.", "3.")) or description.coSimulation is None:
+            raise ValueError(f"{path} is not a co-simulation FMU of FMI 2.0 or 3.0.")
         self.guid = str(description.guid)
+        self._ours = str(description.generationTool).startswith(OURS)
         self.saves_state = bool(description.coSimulation.canGetAndSetFMUstate)
         self.serialises_state = self.saves_state and bool(description.coSimulation.canSerializeFMUstate)
-        variables = {variable.name: variable for variable in description.modelVariables}
+        scalars = known[1] if known is not None else scalars_of(description, self._folder)
+        variables = {variable.name: variable for variable in scalars}
         self._texts = {name: v.valueReference for name, v in variables.items() if v.type == "String"}
-        self._scalars = grouped(description.modelVariables)
+        self._scalars = grouped(scalars)
         self.own_blocks = {name: shape for name, (_, shape) in self._scalars.items()}
         self._scalars |= {name: ([variables[v] for v in listed], shape) for name, (listed, shape) in named.items()}
         self.blocks = {name: shape for name, (_, shape) in self._scalars.items()}
@@ -158,8 +197,12 @@ class FmuParticipant(Blocks):
         before = os.getcwd()
         try:
             where = {"modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": self._folder}
-            fmu = FMU2Sparse(guid=description.guid, requireFunctions=False, **where)
-            fmu.instantiate(callbacks=callbacks, loggingOn=True)
+            where["instanceName"] = self._named(description.coSimulation.modelIdentifier)
+            where["guid"] = description.guid
+            three = description.fmiVersion.startswith("3.")
+            fmu = Fmi3Library(scalars, self._hear, **where) if three else FMU2Sparse(requireFunctions=False, **where)
+            with self._called():
+                fmu.instantiate(callbacks=callbacks, loggingOn=True)
         except Exception as error:
             why = " ".join((self._reason or str(error)).split())
             raise ValueError(f"{path} cannot be instantiated: {why}") from error
@@ -167,6 +210,35 @@ class FmuParticipant(Blocks):
             os.chdir(before)  # fmpy leaves the working directory when a library does not load
         self._fmu, self._component = fmu, fmu.component
         self._step = fmu.dll.fmi2DoStep
+        # PythonFMU, and our binary, say fmi2Terminated of every step that was not made
+        self._terminates = not (self._ours or hasattr(fmu.dll, "finalizePythonInterpreter"))
+
+    def _named(self, model: str) -> str:
+        """The name of the instance, which is taken from now on."""
+        if self.instance is None:
+            free = (name for k in itertools.count(1) if (name := model if k == 1 else f"{model}_{k}") not in _NAMES)
+            self.instance = next(free)
+        _NAMES[self.instance] = self
+        return self.instance
+
+    @contextlib.contextmanager
+    def _called(self) -> Iterator[None]:
+        """What is logged meanwhile is of this participant."""
+        _CALLED.append(self)
+        if WATCH is not None:
+            WATCH(self.instance or "")
+        try:
+            yield
+        finally:
+            _CALLED.pop()
+            if WATCH is not None:
+                WATCH("")
+
+    def _hear(self, status: int, message: bytes) -> None:
+        try:
+            self.hear(status, message.decode("utf-8", "replace"))
+        except KeyboardInterrupt:  # C cannot hand it on
+            self.interrupted = True
 
     def hear(self, status: int, message: str) -> None:
         """Take a message of the FMU."""
@@ -186,10 +258,22 @@ class FmuParticipant(Blocks):
         self._worst, self._reason = 0, ""
         _PROXIED.logger = _LOGGER
         addLoggerProxy(_PROXIED_POINTER)
-        status: int = function(*arguments)
+        _CALLED.append(self)
+        if WATCH is not None:
+            WATCH(self.instance or "")
+        try:
+            status: int = function(*arguments)
+        finally:
+            _CALLED.pop()
+            if WATCH is not None:
+                WATCH("")
         if status == _FATAL:
+            version = 2
+            if isinstance(self._fmu, Fmi3Library):
+                version = 3
+                self._fmu.keep()
             self._fmu = None  # no further call is allowed, not even the one that frees it
-            self._end = f"ended with fmi2Fatal: {self._reason or 'no reason logged'}"
+            self._end = f"ended with fmi{version}Fatal: {self._reason or 'no reason logged'}"
             raise RuntimeError(f"{self.name} {self._end}")
         if self.interrupted or self._reason.startswith("KeyboardInterrupt"):  # in code of Python that the FMU runs
             self.interrupted = False
@@ -197,34 +281,60 @@ class FmuParticipant(Blocks):
         return status
 
     def _require(self, function: Any, *arguments: Any) -> None:
-        """A call that has to succeed. A logged error counts too: PythonFMU has no status for it but fmi2Fatal."""
+        """A call that has to succeed. Errors that are logged in calls that succeed are kept as `alarms`; but where an
+        FMU of ours runs in PythonFMU's binary, which has no status for them but fmi2Fatal, they count.
+        """
         status = self._call(function, *arguments)
-        if status > _WARNING or self._worst > _DISCARD:
+        if status > _WARNING or (self._worst > _DISCARD and self._ours):
             raise ValueError(f"{self.name}: {self._reason or f'status {status} of {function.__name__}'}")
+        if self._worst > _DISCARD:
+            self._alarm()
+
+    def _alarm(self) -> None:
+        """Keep an error that was logged in a call that succeeded."""
+        if len(self.alarms) < ALARMS:
+            self.alarms[self._reason] = None
 
     def _channel(self, block: str) -> Channel:
         channel = self._channels.get(block)
         if channel is None:
             self.shape(block)
-            channel = self._channels[block] = Channel(self._alive(), self._component, *self._scalars[block])
+            make = getattr(self._fmu, "channel", None) or functools.partial(Channel, self._alive())
+            channel = self._channels[block] = make(self._component, *self._scalars[block])
         return channel
 
     def _put(self, block: str, array: np.ndarray) -> None:
         channel = self._channel(block)
         channel.values[...] = array
         if not np.array_equal(channel.values, array):
-            raise ValueError(f"{self.name}: block {block!r} takes whole numbers.")
+            raise ValueError(f"{self.name}: block {block!r} takes whole numbers of {8 * channel.values.itemsize} bits.")
         self._require(channel.set_, *channel.arguments)
 
     def set(self, block: str, values: Any) -> None:
         """See Participant."""
         self._put(block, self.checked(block, values))
 
+    def receive(self, block: str, values: Any) -> None:
+        """Take what a source sends: as `set`, but a value at a bound may be outside by rounding, and what lies farther
+        outside is left to the FMU to judge.
+        """
+        self._put(block, self.arriving(block, values))
+
     def step(self, t: float, dt: float) -> None:
-        """See Participant."""
+        """See Participant; `SimulationEnded` where the FMU asks for the end, `StepDiscarded` where it refuses."""
         status = self._call(self._step, self._component, t, dt, not self.saves_state)
         if status > _WARNING:
-            raise StepFailed(self._reason or f"{self.name} returned status {status} from fmi2DoStep")
+            with self._called():
+                ended = finished(self._fmu.dll, self._component, status)
+                if ended > _WARNING:
+                    told, dll = self._told(), self._fmu.dll
+                    raise failure(dll, self._component, ended, (t, dt), told, self._terminates)
+        if self._worst > _DISCARD:
+            self._alarm()
+
+    def _told(self) -> str:
+        """What the FMU logged as the reason of a failure; nothing where that is mere information."""
+        return self._reason if self._worst >= _WARNING else ""
 
     def get(self, block: str) -> np.ndarray:
         """See Participant."""
@@ -282,9 +392,12 @@ class FmuParticipant(Blocks):
             if self._initialised:
                 self._call(self._alive().fmi2Terminate, self._component)
         if self._fmu is not None:
-            self._fmu.fmi2FreeInstance(self._component)
-            with contextlib.suppress(AttributeError):
-                self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
-            self._fmu.freeLibrary()
+            with self._called():
+                self._fmu.fmi2FreeInstance(self._component)
+                with contextlib.suppress(AttributeError):
+                    self._fmu.dll.finalizePythonInterpreter()  # PythonFMU, left to itself, can corrupt memory at exit
+                self._fmu.freeLibrary()
         self._fmu = None
+        if _NAMES.get(self.instance or "") is self:
+            del _NAMES[self.instance or ""]
         self._private.close()
