@@ -71,7 +71,7 @@ class Document:
         try:
             document = cls.of(content, package.files.folder, str(path))
         except ValueError as error:
-            raise package.files.refused(str(error).removeprefix(f"{path}: ")) from None
+            raise package.refused(str(error).removeprefix(f"{path}: ")) from None
         return replace(document, package=package, remarks=(*package.remarks, *document.remarks))
 
     @classmethod

@@ -75,7 +75,6 @@ class Described(Blocks):
         self.only_once = bool(description.coSimulation.canBeInstantiatedOnlyOncePerProcess)
         self.model, self.tool = description.modelName, description.generationTool
         self._variables = {variable.name: variable for variable in scalars}
-        self.unit_definitions = description.unitDefinitions
         blocks = grouped(scalars)
         self._arrays = {name: tuple(v.name for v in listed) for name, (listed, _) in blocks.items()}
         self._shapes = {name: shape for name, (_, shape) in blocks.items()}

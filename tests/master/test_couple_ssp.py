@@ -255,11 +255,11 @@ REFUSED = [
     ),
     (
         ('unit="kN"', 'unit="mm"'),
-        "what arrives at wall.F_1 does not suit: 'mm' is no unit of what 'N' measures; give a",
+        "what arrives at wall.F_1 is in mm and taken in N, which measure different things; define",
     ),
     (
-        ('unit="kN"', 'unit="lbf"'),
-        "'lbf' cannot be converted to 'N', as 'lbf' has no definition; give a transformation",
+        ('unit="kN"', 'unit="push"'),
+        "is in push and taken in N, and nothing says what push is in base units; define the units",
     ),
     (
         ('startConnector="loadX"', 'startConnector="load"'),
@@ -287,6 +287,8 @@ REFUSED = [
         ('source="resources/wall.fmu"', 'source="http://x.org/w.fmu"'),
         "and only files of the package are read; put it there.",
     ),
+    (('source="resources/wall.fmu"', 'source="http://["'), "has the source 'http://\\[', which is no URI; correct it."),
+    (('source="resources/wall.fmu"', 'source="a%00b"'), "has the source 'a%00b', which names no file; correct it."),
     (('source="resources/wall.fmu"', 'source="#s"'), "has the source '#s', and references to a part of a file are not"),
     (
         ('name="wall" ', 'name="wall" type="application/x-ssp-package" '),
@@ -334,6 +336,31 @@ def test_what_is_wrong_or_not_supported_is_refused_in_one_sentence_that_names_it
     assert "kitecosim." not in str(caught.value)  # the folder that is gone
     assert str(caught.value).endswith((".", "?"))
     assert "\n" not in str(caught.value)
+
+
+def test_what_does_not_go_together_is_told_in_the_words_of_a_package(tmp_path, pack):
+    fmu = signals_fmu(tmp_path)
+    mixed = link("a/y_Int32[1]", "b/x_Boolean[1]") + link("b/y_Float32[1]", "a/x_Float32[1]")
+    whole = system("s", component("a", "signals.fmu") + component("b", "signals.fmu"), mixed)
+    with pytest.raises(
+        ValueError, match=r"m\.ssp: a connection: a\.y_Int32\[1\] is Integer, but b\.x_Boolean\[1\] Boolean"
+    ):
+        Document.read(packed(tmp_path / "m.ssp", structure(whole), [fmu]), EXPLICIT)
+    short = plain(fluid_start=bound(parameters(fail_at=0.5)))
+    with pytest.raises(
+        ValueError, match=r"x\.ssp: parameter fail_at of component fluid does not suit: .*whole numbers"
+    ):
+        Document.read(pack(structure(short)), EXPLICIT)
+
+
+def test_units_with_an_offset_and_units_known_by_name_are_converted(pack):
+    warm = WALL.replace('unit="m"', 'unit="degC"'), FLUID.replace('unit="m"', 'unit="K"')
+    document = Document.read(pack(structure(plain(warm[1], warm[0], fluid_start="", wall_start=""))), EXPLICIT)
+    ways = {(c.factor, c.offset) for c in document.connections if c.source == "wall"}
+    assert ways == {(1.0, 273.15)}
+    feet = WALL.replace('unit="m"', 'unit="ft"')
+    document = Document.read(pack(structure(plain(wall=feet, fluid_start="", wall_start=""))), EXPLICIT)
+    assert [c.factor for c in document.connections if c.source == "wall"] == pytest.approx([0.3048] * 2, rel=1e-15)
 
 
 def test_one_component_and_one_that_is_not_connected_are_refused(pack):

@@ -18,6 +18,11 @@ from master.fmu_coupling.ssp.signals import Path, Port, Signal, Signals, Way, no
 from master.fmu_coupling.ssp.structure import Node, Structure, read_structure
 
 SHOWN = 8  # names in a remark
+TABLES = (  # of a coupling file, as messages have them -> what they are in a package
+    (r"\[\[connections\]\] \d+:", "a connection:"),
+    (r"\[participants\.(.+?)\.start\] (\S+)", r"parameter \2 of component \1"),
+    (r"\[participants\.(.+?)\]", r"component \1"),
+)
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,12 @@ class Package:
     content: dict[str, Any]
     files: Files
     remarks: tuple[str, ...]
+
+    def refused(self, sentence: str) -> ValueError:
+        """The refusal of the content, in the words of the package: it has no tables and keys."""
+        for table, words in TABLES:
+            sentence = re.sub(table, words, sentence)
+        return self.files.refused(sentence)
 
 
 def opened_package(path: str | File, taken: tuple[str, ...] = ()) -> Package:

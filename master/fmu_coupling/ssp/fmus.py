@@ -5,7 +5,7 @@ from typing import Any
 
 from master.fmu_coupling.entries import nearest
 from master.fmu_coupling.mapping import Described
-from master.fmu_coupling.ssp.units import BASES, Unit
+from master.fmu_coupling.units import Measured
 
 
 class ComponentFmu:
@@ -13,15 +13,6 @@ class ComponentFmu:
 
     def __init__(self, described: Described) -> None:
         self.described = described
-        self._units = {}
-        for unit in described.unit_definitions:
-            base = unit.baseUnit
-            if base is not None:
-                numbers = {key: float(getattr(base, key) or 0.0) for key in BASES}
-                factor = 1.0 if base.factor is None else float(base.factor)
-                self._units[unit.name] = Unit.of(
-                    unit.name, numbers | {"factor": factor, "offset": float(base.offset or 0.0)}
-                )
         # where each scalar stands in an array: scalar -> (array, number)
         self.places = {
             scalar: (block, k)
@@ -40,18 +31,10 @@ class ComponentFmu:
         """The sentence about a name that there is not."""
         return f"{self.described.name} has no variable '{name}'; {nearest(name, self.described.variables)}"
 
-    def unit(self, name: str) -> Unit | None:
+    def unit(self, name: str) -> Measured | None:
         """The unit of a variable."""
-        variable = self.variable(name)
-        unit = getattr(variable, "unit", None) or getattr(getattr(variable, "declaredType", None), "unit", None)
-        return None if unit is None else self._units.get(unit, Unit(unit))
-
-    def relative(self, name: str) -> bool:
-        """Whether a variable is a difference, to which the offset of its unit does not apply."""
-        variable = self.variable(name)
-        return bool(getattr(variable, "relativeQuantity", False)) or bool(
-            getattr(getattr(variable, "declaredType", None), "relativeQuantity", False)
-        )
+        units = self.described.measured(name) if self.described.knows(name) else []
+        return units[0] if units else None
 
     def items(self, name: str) -> dict[str, int]:
         """The items of an enumeration."""

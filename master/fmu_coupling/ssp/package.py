@@ -95,7 +95,10 @@ class Files:
 
     def found(self, source: str, what: str) -> str:
         """The name of a file that a URI leads to, relative to the package."""
-        parts = urlsplit(source)
+        try:
+            parts = urlsplit(source)
+        except ValueError:
+            raise self.refused(f"{what} has the source '{source}', which is no URI; correct it.") from None
         if parts.scheme or parts.netloc:
             raise self.refused(
                 f"{what} has the source '{source}', and only files of the package are read; put it there."
@@ -105,6 +108,8 @@ class Files:
                 f"{what} has the source '{source}', and references to a part of a file are not supported."
             )
         path = PurePosixPath(unquote(parts.path))
+        if "\0" in str(path):
+            raise self.refused(f"{what} has the source '{source}', which names no file; correct it.")
         if path.is_absolute() or ".." in path.parts:
             raise self.refused(f"{what} has the source '{source}', which leads out of the package; put it there.")
         if not (self.folder / path).is_file():

@@ -6,7 +6,7 @@ from typing import Any
 from master.fmu_coupling.ssp.fmus import number
 from master.fmu_coupling.ssp.signals import Path, Port, Signals, Way
 from master.fmu_coupling.ssp.structure import Parameter
-from master.fmu_coupling.ssp.units import Unit
+from master.fmu_coupling.units import Measured
 
 
 def start_values(signals: Signals) -> tuple[dict[Port, Any], list[str]]:
@@ -51,22 +51,20 @@ class _Assignment:
                 taken |= self.to((*path, child), name[len(child) + 1 :])
         return taken
 
-    def _begun(self, port: Port) -> tuple[Way, Unit | None]:
+    def _begun(self, port: Port) -> tuple[Way, Measured | None]:
         p = self.parameter
-        relative = self.signals.relative(port)
-        return self.signals.passed(Way(), p.unit, port, p.suppressed, p.transformation, relative, (None, port))
+        return self.signals.passed(Way(), p.unit, port, p.suppressed, p.transformation, (None, port))
 
-    def _pass_on(self, port: Port, begun: tuple[Way, Unit | None]) -> None:
+    def _pass_on(self, port: Port, begun: tuple[Way, Measured | None]) -> None:
         """Follow the connections inwards from a connector of a system."""
         for target, link in self.signals.onward.get(port, ()):
-            relative = self.signals.relative(target)
-            behind = self.signals.passed(*begun, target, link.suppressed, link.transformation, relative, (None, target))
+            behind = self.signals.passed(*begun, target, link.suppressed, link.transformation, (None, target))
             if target[0] in self.signals.fmus:
                 self._arrive(target, behind)
             elif len(target[0]) > len(port[0]):
                 self._pass_on(target, behind)
 
-    def _arrive(self, port: Port, behind: tuple[Way, Unit | None]) -> None:
+    def _arrive(self, port: Port, behind: tuple[Way, Measured | None]) -> None:
         p, files = self.parameter, self.signals.files
         what = f"parameter '{p.name}' for {self.signals.name(port)}"
         if p.type == "String":

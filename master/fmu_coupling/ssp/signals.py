@@ -1,13 +1,13 @@
 """Nested systems made flat: from which output each input of a component comes, and what happens to it on the way."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from master.fmu_coupling.entries import nearest
 from master.fmu_coupling.ssp.fmus import ComponentFmu, number
 from master.fmu_coupling.ssp.package import Files
-from master.fmu_coupling.ssp.structure import Link, Node, Structure, Transformation
-from master.fmu_coupling.ssp.units import Unit, conversion
+from master.fmu_coupling.ssp.structure import Link, Node, Structure, Transformation, measured
+from master.fmu_coupling.units import Measured, conversion
 
 Path = tuple[str, ...]  # names of the systems and the component from the top, the system there not counted
 Port = tuple[Path, str]
@@ -125,28 +125,24 @@ class Signals:
             )
         return str(variable.causality)
 
-    def unit(self, port: Port) -> Unit | None:
+    def unit(self, port: Port) -> Measured | None:
         """The unit of a connector: its own, or that of its FMU."""
         path, name = port
         given = self.nodes[path].connectors.get(name)
-        own = None
-        if given is not None and given.unit is not None:
-            own = self.structure.units.get(given.unit, Unit(given.unit))
         its = self.fmus[path].unit(name) if path in self.fmus else None
-        if own is None or its is None or own.exponents is None:
-            return own if its is None else its
+        if given is None or given.unit is None:
+            return its
+        own = measured(given.unit, self.structure.units)
+        if its is None or own.unit is None:
+            return its or own
         try:
-            same = its.exponents is None or conversion(own, its) == (1.0, 0.0)
+            same = its.unit is None or conversion(own, its) == (1.0, 0.0)
         except ValueError:
             same = False
         if not same:
             raise self.files.refused(f"connector {self.name(port)} has the unit '{own.name}', but its FMU "
                                      f"'{its.name}', which is another; correct one.")  # fmt: skip
-        return own
-
-    def relative(self, port: Port) -> bool:
-        """Whether a connector is a difference, to which offsets of units do not apply."""
-        return port[0] in self.fmus and self.fmus[port[0]].relative(port[1])
+        return replace(own, relative=its.relative)
 
     def all(self) -> Iterator[Signal]:
         """Every input of a component with the output that it comes from."""
@@ -182,29 +178,30 @@ class Signals:
             raise self.files.refused(f"{self.name(port)} is a calculated parameter, and only outputs are passed on; "
                                      f"take the connection to {self.name(target)} away.")  # fmt: skip
         way, unit = Way(), self.unit(port)
-        relative = self.relative(port) or self.relative(target)
         for at, link in reversed(hops):
-            way, unit = self.passed(way, unit, at, link.suppressed, link.transformation, relative, (port, target))
+            way, unit = self.passed(way, unit, at, link.suppressed, link.transformation, (port, target))
         return Signal(port, target, way)
 
     def passed(
         self,
         way: Way,
-        unit: Unit | None,
+        unit: Measured | None,
         at: Port,
         suppressed: bool,
         transformation: Transformation | None,
-        relative: bool,
         ends: tuple[Port | None, Port],
-    ) -> tuple[Way, Unit | None]:
+    ) -> tuple[Way, Measured | None]:
         """A way and the unit behind a connector: units are converted first, then it is transformed."""
         wanted = self.unit(at)
         if not suppressed:
             try:
-                way = way.scaled(*conversion(unit, wanted, relative))
+                way = way.scaled(*conversion(unit, wanted))
             except ValueError as error:
-                why = f"{error}; give a transformation with suppressUnitConversion, or define the units."
-                raise self.files.refused(f"what arrives at {self.name(at)} does not suit: {why}") from None
+                names = " and taken in ".join(one.name for one in (unit, wanted) if one is not None)
+                raise self.files.refused(
+                    f"what arrives at {self.name(at)} is in {names}, {error}; define the units, or give a "
+                    "transformation with suppressUnitConversion."
+                ) from None
         if transformation is not None:
             way = self._transformed(way, at, transformation, ends)
         return way, wanted or unit

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
 from master.fmu_coupling.ssp.package import STRUCTURE, Files, local
-from master.fmu_coupling.ssp.units import Unit
+from master.fmu_coupling.units import BASE, Measured, Unit, by_name
 
 FMU = "application/x-fmu-sharedlibrary"
 SET, MAPPING = "application/x-ssp-parameter-set", "application/x-ssp-parameter-mapping"
@@ -52,7 +52,7 @@ class Parameter:
     name: str
     type: str
     value: str
-    unit: Unit | None = None
+    unit: Measured | None = None
     transformation: Transformation | None = None
     suppressed: bool = False
 
@@ -153,8 +153,12 @@ class _Parts:
         for unit in (u for each in listed for u in self.only(each, "Units", "Unit")["Unit"]):
             name = self.given(unit, "name", "a unit")
             for base in self.only(unit, f"unit '{name}'", "BaseUnit")["BaseUnit"]:
-                numbers = {key: self.number(base, key, f"unit '{name}'") for key in base.attrib if key in Unit.KEYS}
-                found[name] = Unit.of(name, numbers)
+                exponents = tuple(self.number(base, key, f"unit '{name}'", "0") for key in BASE)
+                scale = (
+                    self.number(base, "factor", f"unit '{name}'", "1"),
+                    self.number(base, "offset", f"unit '{name}'", "0"),
+                )
+                found[name] = Unit(exponents, *scale)
         return found
 
     def system(self, element: Element) -> Node:
@@ -313,7 +317,12 @@ class _Parts:
                 raise self.files.refused(f"parameter '{name}' of {what} has {len(values)} values; it takes one.")
             unit = values[0].get("unit")
             value = self.given(values[0], "value", f"parameter '{name}' of {what}")
-            yield Parameter(name, local(values[0]), value, None if unit is None else units.get(unit, Unit(unit)))
+            yield Parameter(name, local(values[0]), value, None if unit is None else measured(unit, units))
+
+
+def measured(name: str, units: Mapping[str, Unit]) -> Measured:
+    """The unit with a name: as it is defined, else as the name is understood."""
+    return Measured(name, units.get(name) or by_name(name))
 
 
 def _named(end: tuple[str | None, str]) -> str:
