@@ -39,6 +39,7 @@ SUBJECTS = (
     "v3_detailed",
     "hanging",
     "exchange",
+    "scalars",
     "particle_cells",
     "particle_validation",
     "particle_steps",

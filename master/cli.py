@@ -165,10 +165,13 @@ def build(
     _finish(lambda: build_scene(scene, _assignments(set_), out, ssp, fmi, force))
 
 
-@app.command(short_help="Compare coupling schemes on one or more scenes.")
+@app.command(short_help="Compare coupling schemes on scenes or coupling files.")
 def compare(
     scene: Annotated[
-        list[str], typer.Argument(help="Names of built-in scenes (see `kitecosim scenes`) or scene folders.")
+        list[str],
+        typer.Argument(
+            help="Names of built-in scenes (see `kitecosim scenes`), scene folders, or coupling files (.toml, .ssp)."
+        ),
     ],
     schemes: Annotated[
         str | None, typer.Option(help="Comma-separated schemes; without it all that there are.", metavar="NAME,NAME")

@@ -94,11 +94,12 @@ class _Initial(Blocks):
 
     def __init__(self, participant: MappedParticipant) -> None:
         self.name, self.blocks, self.limits = participant.name, participant.blocks, participant.limits
-        self.receive, self.get = participant.receive, participant.get
+        self._receive, self.get = participant.receive, participant.get
 
     def set(self, block: str, values: Any) -> None:
-        """See Participant."""
-        self.receive(block, values)
+        """See Participant; what a source does not have before its first step leaves the input as it is."""
+        if np.isfinite(values).all():
+            self._receive(block, values)
 
     def step(self, t: float, dt: float) -> None:
         """Nothing to do: time stands still."""
@@ -112,7 +113,7 @@ def _settle(members: Mapping[str, MappedParticipant], connections: Sequence[Conn
         x = begin = exchange.present()
         for _ in range(2 * len(members) + 1):
             x, before = exchange.evaluate(x), x
-            if np.array_equal(x, before):
+            if np.array_equal(x, before) or not np.isfinite(x).all():  # the run says what stands in for those
                 return []
         found = fixed_point(
             exchange.evaluate, begin, IQNILS(), rtol=RTOL, fields=exchange.fields(), admissible=exchange.admissible(),

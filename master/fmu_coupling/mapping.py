@@ -142,6 +142,8 @@ class Described(Blocks):
             array = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
             raise ValueError(f"{self.name}: block {block!r} takes numbers of shape {self.blocks[block]}.") from None
+        if limits.kind in ("integer", "enumeration") and not self._declared and np.any(np.abs(array) >= 2.0**31):
+            raise ValueError(f"{self.name}: block {block!r} takes whole numbers of 32 bits.")
         factor = self.named[block].factor if block in self.named else 1.0
         return self.checked(block, array / factor, start=True)
 

@@ -39,7 +39,7 @@ def coupling_cells(
     """
     cells = []
     for path in paths:
-        document = Document.read(path, _settings(None, {}, "serial", times))
+        document = _read(path, times)
         s = document.settings
         for (name, chosen, label), order in itertools.product(variants, orders):
             if SCHEMES[name].exact:
@@ -56,6 +56,14 @@ def coupling_cells(
                 )
             )  # fmt: skip
     return cells
+
+
+def _read(path: str, times: Mapping[str, float | None]) -> Document:
+    """The document of a file, whose own scheme need not be one that its FMUs allow."""
+    try:
+        return Document.read(path, _settings(None, {}, "serial", times))
+    except ValueError:
+        return Document.read(path, _settings("explicit", {}, "serial", times))
 
 
 def _settings(

@@ -228,6 +228,7 @@ def test_an_input_is_connected_to_what_it_can_take_always_or_the_types_are_named
         ("Boolean", 2, "takes true or false (1 or 0), not 2."),
         ("Boolean", 0.5, "takes true or false (1 or 0), not 0.5."),
         ("Integer", 0.5, "takes whole numbers, not 0.5."),
+        ("Integer", 3_000_000_000, "takes whole numbers of 32 bits."),
         ("Integer", 8, "must be between 0 and 7, not 8."),
         ("Integer", True, "takes whole numbers, not true or false."),
         ("Real", True, "takes numbers, not true or false."),
