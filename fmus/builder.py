@@ -188,11 +188,14 @@ def archive(
     files.setdefault("documentation/index.html", page(instance, own_binary=own_binary() is not None, fmi=fmi).encode())
     files["documentation/externalDependencies.txt"] = external_dependencies().encode()
     files |= licences(files, {f"binaries/{LINUX[fmi]}/{identifier}.so"} if own_binary() is not None else set())
-    digest = hashlib.sha256(_description(instance, "", fmi))
+    description = _description(instance, "", fmi)
+    digest = hashlib.sha256(description)
     for path in sorted(files):
         digest.update(path.encode() + b"\0" + hashlib.sha256(files[path]).digest())
     guid = f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"
-    return zipped({"modelDescription.xml": _description(instance, guid, fmi)} | dict(sorted(files.items())))
+    of_it = b'guid="' if fmi == 2 else b'instantiationToken="'
+    described = description.replace(of_it + b'"', of_it + guid.encode() + b'"', 1)
+    return zipped({"modelDescription.xml": described} | dict(sorted(files.items())))
 
 
 def _code() -> tuple[str, dict[str, bytes]]:
