@@ -51,8 +51,10 @@ def compiled(folder, *flags, sources=SOURCES):
     return target
 
 
-def wiring(folder, paths, tuned=None, refused=None, guid=None):
-    """A file that tells the host all it has to know of the pair in `paths`, side -> FMU."""
+def wiring(folder, paths, tuned=None, refused=None, guid=None, watched=None):
+    """A file that tells the host all it has to know of the pair in `paths`, side -> FMU; what it prints are those of
+    `reference.names` unless others are `watched`.
+    """
     lines, references, inputs = [], {}, {}
     for side, path in paths.items():
         unzipped = Path(fmpy.extract(str(path), str(folder / f"unzipped {side}")))  # a space in every path
@@ -69,7 +71,7 @@ def wiring(folder, paths, tuned=None, refused=None, guid=None):
             f"connect {source} {references[source][name]} {target} {references[target][name]}"
             for name in inputs[target]
         ]
-    lines += [f"watch {side} {references[side][name]}" for side, name in reference.names()]
+    lines += [f"watch {side} {references[side][name]}" for side, name in watched or reference.names()]
     for kind, value in (("tune", tuned), ("refuse", refused)):
         if value is not None:
             lines.append(f"{kind} aero {references['aero']['wind_speed']} {value}")

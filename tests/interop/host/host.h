@@ -39,7 +39,7 @@ typedef struct {
 
 enum { OK, WARNING, DISCARD, ERROR, FATAL }; /* fmi2Status */
 enum { AERO, STRUCTURAL, SIDES };
-enum { MOST = 1000 }; /* connections of a side, and values to print */
+enum { MOST = 20000 }; /* connections of a side, and values to print */
 
 typedef struct {
     char binary[4096], resources[4096], guid[100];
