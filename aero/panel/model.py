@@ -120,9 +120,9 @@ class PanelModel(AeroModel):
     """A closed `wing` (`aero.model.Wing`) in a stream by the panel method.
 
     The outer pressure is traction that keeps its direction, -C_p q n; the inner one, `internal_pressure_coefficient` q,
-    pressure that turns with the surface. Nodes that move meet the wind less their own velocity, panel by panel, and
-    where the wind has a field, what it is there; C_p is that of the dynamic pressure there, what strips say is of the
-    mean on them, and the wake goes along the mean of all.
+    pressure that turns with the surface; with the option `follow` "all" both are. Nodes that move meet the wind less
+    their own velocity, panel by panel, and where the wind has a field, what it is there; C_p is that of the dynamic
+    pressure there, what strips say is of the mean on them, and the wake goes along the mean of all.
     One half is solved where `symmetric` asks for it and shape, motion and wind all are, in the upright plane that
     mirrors the wing; the interface is the whole wing.
     """
@@ -136,6 +136,7 @@ class PanelModel(AeroModel):
         )  # before the work on a mesh that cannot be solved
         self._body, self._panels = Body.of(nodes, panels, wing.trailing_edges), panels
         self._wake, self._transition = options["wake"], options["transition"]
+        self._all_follows = options["follow"] == "all"
         self._mirror(nodes)
         geometry = PanelGeometry.of(nodes, panels)
         self._stencils = {False: Stencils.of(self._body, geometry.centre, geometry.normal)}
@@ -193,7 +194,8 @@ class PanelModel(AeroModel):
         output = partial(Variable, causality="output")
         of_panel = partial(output, counts="panel")
         m = len(self._panels)
-        yield of_panel("pressure", (m,), unit="Pa", description="pressure inside on each interface panel, net of rest")
+        text = "pressure inside less that outside" if self._all_follows else "pressure inside"
+        yield of_panel("pressure", (m,), unit="Pa", description=f"{text} on each interface panel, net of rest")
         text = "traction on each interface panel by the flow outside"
         yield of_panel("shear", (m, 3), unit="Pa", description=text)
         text = "C_p outside on each panel, over the dynamic pressure that it meets"
@@ -449,6 +451,8 @@ class PanelModel(AeroModel):
             of_strips |= self._loading(case, own, size[:, None] * shear)
             shear = shear + drag
             out |= of_strips
+        if self._all_follows:
+            out["pressure"], shear = out["pressure"] - outside, shear + outside[:, None] * g.normal
         return out | {"shear": shear}
 
     def _misfits(self, case, out):

@@ -173,6 +173,12 @@ def _sections(label: str, content: Mapping[str, Any], changes: Mapping[str, Any]
     trim = found["trim"]
     if trim is not None and trim.lowest_deg >= trim.highest_deg:
         raise SceneError(f"{label}: [trim] highest_deg must be above lowest_deg; correct one of them.")
+    aero = found["aero"]
+    if trim is not None and aero is not None and aero.options.get("follow") == "all":
+        raise SceneError(
+            f'{label}: [aero] follow = "all" turns all loads with a wing that [trim] lets pitch, so that nothing holds '
+            "its pitch and the structure has no equilibrium; remove one of them, and hold the wing without [trim]."
+        )
     return found
 
 

@@ -75,6 +75,17 @@ def test_internal_pressure_is_that_of_the_stream_and_has_no_resultant(model):
     np.testing.assert_allclose(within.moment, without.moment, atol=1e-10)
 
 
+def test_loads_that_all_follow_are_the_same_forces(model):
+    """Pressure inside less that outside on each area vector; a polar's drag alone would be left as traction."""
+    inside = values(model, internal_pressure_coefficient=1.0)
+    split, whole = (one.solve(flow(SURFACE), inside) for one in (model, panel_model(SURFACE, follow="all")))
+    np.testing.assert_allclose(whole.force, split.force, atol=1e-11)
+    np.testing.assert_allclose(whole.moment, split.moment, atol=1e-10)
+    np.testing.assert_allclose(whole.outputs["shear"], 0.0, atol=1e-12)
+    q = 0.6 * 100.0
+    np.testing.assert_allclose(whole.outputs["pressure"], q * (1.0 - whole.outputs["pressure_coefficient"]), rtol=1e-12)
+
+
 def test_one_half_gives_the_loads_of_the_whole(model):
     half = model.solve(flow(SURFACE), values(model))
     whole = model.solve(flow(SURFACE), values(model, symmetric=0.0))

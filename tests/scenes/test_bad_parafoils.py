@@ -71,6 +71,10 @@ BAD = {
     ),
     "tether without a diameter": (instead("depth =", "tether_length = 30.0\ndepth ="), "lacks 'tether_diameter'"),
     "belts of all ribs": (instead("depth =", "belt_ribs = 5\ndepth ="), "leave some with lines of their own"),
+    "loads that all follow a wing that pitches": (
+        instead('method = "panel"', 'method = "panel"\nfollow = "all"'),
+        "nothing holds its pitch",
+    ),
     "inlets open": (instead("cells = 10", 'cells = 10\ninlets = "open"'), "inlets cannot be open"),
     "no modulus": (instead("line_modulus = 83.6e9  # Pa\n", ""), "lacks 'line_modulus'"),
     "other cells of the membranes": (instead("rib_rows = 3", "rib_rows = 3\ncells = 8"), "those of the parafoil"),
