@@ -354,7 +354,7 @@ class Exchange:
         if np.isfinite(values).all():
             return error
         bad = np.ravel(values)[~np.isfinite(np.ravel(values))][0]
-        return ValueError(f"{error} ({self.described(c.source)} sent {c.output} = {bad:g})")
+        return ValueError(f"{str(error).rstrip('.')} ({self.described(c.source)} sent {c.output} = {bad:g})")
 
     def _within(self, t: float, dt: float) -> float:
         """The step from t, s, that does not reach beyond the stop time by rounding."""

@@ -148,7 +148,9 @@ def fixed_point(
         if callback is not None:
             callback(k, x.reshape(shape).copy(), x_tilde.reshape(shape).copy(), r.reshape(shape).copy())
         if not failure and not np.all(np.isfinite(norms)):
-            failure = f"G returned values that are not finite at evaluation {k}."
+            bad = [n for n, f in zip(names, parts, strict=True) if not np.isfinite(x_tilde.reshape(-1)[f]).all()]
+            of = f": {', '.join(bad)}" if bad and fields is not None else ""
+            failure = f"G returned values that are not finite at evaluation {k}{of}."
         if isinstance(error, SimulationEnded):
             ended = "terminated", f"{str(error).rstrip('.')}."
         elif failure:
