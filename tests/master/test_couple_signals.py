@@ -362,3 +362,35 @@ def test_a_value_that_becomes_nan_in_the_run_names_participant_and_variable(tmp_
         fed_back = next(iter(order)) == "b"
         assert ("late.y" if fed_back else "participant late sent y = nan") in result.message
         assert ". (" not in result.message
+
+
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+def test_an_output_that_is_no_item_before_the_first_step_is_stood_in_for_by_the_start_of_its_input(
+    tmp_path, order, scheme
+):
+    mode = 'declaredType="Mode"'
+    guest(tmp_path, "late", [("T", 0, "input", "Real", ""), ("mode", 0, "output", "Enumeration", mode)], types=MODE,
+          step="k[0] = 2")  # fmt: skip
+    guest(tmp_path, "room", [("mode", 0, "input", "Enumeration", f'{mode} start="5"'), ("T", 0, "output", "Real", "")],
+          types=MODE, begin="k[0] = 5", step="r[0] += h * k[0]")  # fmt: skip
+    links = [("late.mode", "room.mode"), ("room.T", "late.T")]
+    content = coupling({"room": "room", "late": "late"}, links, scheme=scheme, order=order)
+    result = coupled(tmp_path, content)
+    assert result.status == "converged", result.message
+    first = 5.0 if scheme == "explicit" else 2.0  # explicit: the first step has the start value
+    assert result.values["room.T"] == pytest.approx(0.1 * (first + 9 * 2.0), rel=1e-12)
+    says = "late.mode is no item of its enumeration before the first step; the start value of room.mode stands in for"
+    assert any(says in remark for remark in result.remarks), result.remarks
+
+
+def test_a_value_that_an_input_does_not_take_names_what_sent_it(tmp_path):
+    mode = 'declaredType="Mode"'
+    guest(tmp_path, "sender", [("mode", 0, "output", "Enumeration", mode)], types=MODE, begin="k[0] = 1",
+          step="k[0] = t > 0.45 ? 3 : 2")  # fmt: skip
+    guest(tmp_path, "room", [("mode", 0, "input", "Enumeration", f'{mode} start="5"')], types=MODE, begin="k[0] = 5")
+    result = coupled(tmp_path, coupling({"a": "sender", "room": "room"}, [("a.mode", "room.mode")]))
+    assert result.status == "diverged"
+    assert (
+        "takes one of the items off (1), cruise (2), boost (5), not 3 (participant a sent mode = 3)" in result.message
+    )
