@@ -394,3 +394,15 @@ def test_a_value_that_an_input_does_not_take_names_what_sent_it(tmp_path):
     assert (
         "takes one of the items off (1), cruise (2), boost (5), not 3 (participant a sent mode = 3)" in result.message
     )
+
+
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+@pytest.mark.parametrize("scheme", SCHEMES[1:])
+def test_a_loop_without_a_fixed_point_never_converges_by_the_rounding_of_unknowns_that_it_blew_up(
+    tmp_path, scheme, order
+):
+    lin(tmp_path, gain=1.0)  # y = 1 + u twice: x = x + 2
+    links = [("a.y", "b.u"), ("b.y", "a.u")]
+    for start in ({}, {"u": 0.0}):  # the loop of the initialisation has none either
+        content = coupling({"a": {"fmu": "lin.fmu", "start": start}, "b": "lin"}, links, scheme=scheme, order=order)
+        assert coupled(tmp_path, content).status in ("diverged", "stalled")
