@@ -103,8 +103,9 @@ class ConvergenceMonitor:
         self.largest = np.maximum(self.largest, r)
         holds = (r <= tolerance) | ~significant
         tight = self.atol + self.rtol * np.minimum(size, self.data) + self.residual_rtol * self.reference
-        if self.floors is not None:
-            tight = np.maximum(tight, self.floors)
+        if self.floors is not None:  # they grow with unknowns that updates have blown up
+            within = np.where(size > self.data, self.data / np.maximum(size, np.finfo(float).tiny), 1.0)
+            tight = np.maximum(tight, within * self.floors)
         known = (size <= self.data) | (np.maximum(r, ROUNDING * size) <= tight)
         with np.errstate(over="ignore"):
             fallen = r * size <= FALLEN * self.largest * self.data

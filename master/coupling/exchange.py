@@ -217,17 +217,29 @@ class Exchange:
     def present(self, order: Order = "serial") -> np.ndarray:
         """What the participants send back now, (unknowns,).
 
-        Some FMUs have no outputs before their first step: where one is not finite, the value that it stands for is that
-        of the input it goes to, and a remark says so. StepFailed where that is not finite either.
+        Some FMUs have no outputs before their first step: where one is not finite, or no item of an enumeration, the
+        value that it stands for is that of the input it goes to, and a remark says so. StepFailed where that is not
+        finite either.
         """
-        x = self._collected(self._of(order), {})
+        fields = self._of(order)
+        x = self._collected(fields, {})
+        for c in self.connections if self.evaluations == 0 else ():
+            part = fields.get(c.field)
+            if part is None or not self._itemless(c, x[part]):
+                continue
+            x[part] = self._expected(c.field, "no item of its enumeration")
         if not np.isfinite(x).all():
-            for field, part in self._of(order).items():
+            for field, part in fields.items():
                 if not np.isfinite(x[part]).all():
                     x[part] = np.where(np.isfinite(x[part]), x[part], self._expected(field))
         return x
 
-    def _expected(self, field: str) -> np.ndarray:
+    def _itemless(self, c: Connection, sent: np.ndarray) -> bool:
+        """Whether a source sends what is no item of the enumeration that it is of."""
+        limits = getattr(self.participants[c.source], "limits", {}).get(c.output)
+        return limits is not None and bool(limits.items) and limits.foreign(sent) is not None
+
+    def _expected(self, field: str, lacks: str = "not finite") -> np.ndarray:
         """What a source should send such that its first target has the input that it has now, (entries,)."""
         name, output = self._sources[field]
         connection = next(c for c in self.connections if c.field == field)
@@ -239,7 +251,7 @@ class Exchange:
                 f"{connection.input}, which it goes to, is not finite either; give that a start value"
             )
         remark = (
-            f"{field} is not finite before the first step; the start value of {connection.target}.{connection.input} "
+            f"{field} is {lacks} before the first step; the start value of {connection.target}.{connection.input} "
             "stands in for it."
         )
         if remark not in self.remarks:
@@ -350,11 +362,16 @@ class Exchange:
             participant.step(t, self._within(t, self.dt / count))
 
     def _not_taken(self, c: Connection, values: np.ndarray, error: ValueError) -> ValueError:
-        """Why an input does not take what a source sends: one that is not finite is the fault of the source."""
-        if np.isfinite(values).all():
+        """Why an input does not take what a source sends: the source is named of what is not finite or of no kind."""
+        flat = np.ravel(values)
+        if np.isfinite(flat).all():
+            limits = getattr(self.participants[c.target], "limits", {}).get(c.input)
+            bad = None if limits is None or limits.kind == "real" else limits.foreign(flat)
+        else:
+            bad = flat[~np.isfinite(flat)][0]
+        if bad is None:
             return error
-        bad = np.ravel(values)[~np.isfinite(np.ravel(values))][0]
-        return ValueError(f"{error} ({self.described(c.source)} sent {c.output} = {bad:g})")
+        return ValueError(f"{str(error).rstrip('.')} ({self.described(c.source)} sent {c.output} = {bad:g})")
 
     def _within(self, t: float, dt: float) -> float:
         """The step from t, s, that does not reach beyond the stop time by rounding."""

@@ -33,6 +33,9 @@ class Floors(Protocol):
     def observe(self, x_tilde: np.ndarray, sizes: np.ndarray) -> np.ndarray:
         """After an evaluation, with the norms of the fields: the residual norms that are rounding by now."""
 
+    def forget(self) -> None:
+        """Unlearn the size of unknowns since `begin`: updates had blown them up."""
+
     def explains(self, monitor: ConvergenceMonitor) -> bool:
         """Whether what is left of the residuals is rounding, as they do not fall any more."""
 
@@ -148,7 +151,9 @@ def fixed_point(
         if callback is not None:
             callback(k, x.reshape(shape).copy(), x_tilde.reshape(shape).copy(), r.reshape(shape).copy())
         if not failure and not np.all(np.isfinite(norms)):
-            failure = f"G returned values that are not finite at evaluation {k}."
+            bad = [n for n, f in zip(names, parts, strict=True) if not np.isfinite(x_tilde.reshape(-1)[f]).all()]
+            of = f": {', '.join(bad)}" if bad and fields is not None else ""
+            failure = f"G returned values that are not finite at evaluation {k}{of}."
         if isinstance(error, SimulationEnded):
             ended = "terminated", f"{str(error).rstrip('.')}."
         elif failure:
@@ -199,7 +204,7 @@ def _judged(
     measure = monitor.measure(norms[:, 0], norms[:, 1])
     if monitor.converged:
         return "converged", f"Converged in {k} evaluations of G."
-    if floors is not None and monitor.idle >= IDLE and floors.explains(monitor):
+    if floors is not None and monitor.idle >= IDLE and monitor.blown <= BLOWN and floors.explains(monitor):
         return "converged", f"Converged to the rounding of what participants receive, in {k} evaluations of G."
     if monitor.improved or p.best is None:
         failure = loop.mark(x, r)
@@ -213,6 +218,8 @@ def _judged(
             f"{monitor.worst()}"
         )
     elif monitor.blown > BLOWN:
+        if floors is not None:
+            floors.forget()
         failure = (
             f"The unknowns grew to {monitor.blown:.1e} times the start and all residuals in {k} evaluations of G, and "
             "the residual did not fall with that: no fixed point is near."

@@ -62,11 +62,18 @@ class ExchangeFloors:
         self._names: list[str] = []
         self._inputs: dict[str, list[np.ndarray]] = {}
         self._steep: list[np.ndarray] = []
+        self._begun = rounding.largest.copy()
 
     def begin(self, names: list[str], parts: Sequence[Field]) -> None:
         """See Floors."""
         self._names, self._parts = names, parts
         self.rounding.begin(len(parts), sum(map(_size, parts)))
+        self._inputs, self._steep = {}, []
+        self._begun = self.rounding.largest.copy()
+
+    def forget(self) -> None:
+        """See Floors."""
+        self.rounding.largest = self._begun.copy()
         self._inputs, self._steep = {}, []
 
     def observe(self, x_tilde: np.ndarray, sizes: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The file of `kitecosim couple`, TOML or SSP: which FMUs, how connected, how solved together. Checked whole."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -290,7 +291,8 @@ def _map(table: Table) -> tuple[tuple[float, float], ...]:
     """The pairs (sent, arriving) of a connection, none where it has no map."""
     pairs = table.content.get("map", [])
     if not isinstance(pairs, list) or not all(
-        isinstance(pair, list) and len(pair) == 2 and all(isinstance(v, int | float) for v in pair) for pair in pairs
+        isinstance(pair, list) and len(pair) == 2 and all(isinstance(v, int | float) and math.isfinite(v) for v in pair)
+        for pair in pairs
     ):
         raise table.refused("map", f"must be pairs of numbers, [sent, arriving], not {pairs!r}.")
     if pairs and ("factor" in table.content or "offset" in table.content):

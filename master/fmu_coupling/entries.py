@@ -37,6 +37,15 @@ def nearest(name: str, known: Iterable[str], noun: str = "it has") -> str:
     return f"{noun}: {', '.join(known[:12]) or 'none'}{more}."
 
 
+def one_valued(pairs: Iterable[tuple[float, float]]) -> dict[float, float]:
+    """Pairs (sent, arriving) as a table; ValueError, without a full stop, where one value would arrive as two."""
+    table: dict[float, float] = {}
+    for sent, arriving in pairs:
+        if table.setdefault(sent, arriving) != arriving:
+            raise ValueError(f"it has {sent:g} twice, with {table[sent]:g} and {arriving:g}; leave one of them")
+    return table
+
+
 class Table:
     """A table of a file under its name there, as [time]; `file` is what messages call the file."""
 

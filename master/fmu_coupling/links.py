@@ -7,6 +7,7 @@ import numpy as np
 
 from master.coupling.exchange import Connection
 from master.coupling.participants.blocks import Limits
+from master.fmu_coupling.entries import one_valued
 from master.fmu_coupling.mapping import Described
 from master.fmu_coupling.units import Measured, conversion
 
@@ -51,6 +52,7 @@ def _converted(ends: tuple[str, str], sent: Measured | None, wanted: Measured | 
 def _require_types(c: Connection, ends: tuple[str, str], sent: Limits, wanted: Limits) -> None:
     """ValueError in one sentence where an input cannot take every value of an output."""
     if c.table:
+        _require_table(c, ends, sent)
         value = wanted.foreign(np.array([arriving for _, arriving in c.table])) if wanted.kind != "real" else None
         if value is not None:
             raise ValueError(f"map has {value:g} for {ends[1]}, which takes {wanted.takes()}.")
@@ -74,6 +76,19 @@ def _require_types(c: Connection, ends: tuple[str, str], sent: Limits, wanted: L
         raise ValueError(f"{ends[1]} is {KINDS[wanted.kind]}, which takes neither factor nor offset; leave them out.")
     if wanted.kind == "integer" and not (float(c.factor).is_integer() and float(c.offset).is_integer()):
         raise ValueError(f"{ends[1]} is Integer and takes whole numbers; make factor and offset whole.")
+
+
+def _require_table(c: Connection, ends: tuple[str, str], sent: Limits) -> None:
+    """ValueError in one sentence where an output does not send what the map of its connection has."""
+    if sent.kind == "real":
+        raise ValueError(f"{ends[0]} is Real, and a map is of discrete values; use factor and offset.")
+    try:
+        table = one_valued(c.table)
+    except ValueError as error:
+        raise ValueError(f"map does not suit: {error}.") from None
+    value = sent.foreign(np.array(list(table))) if sent.kind != "integer" else None
+    if value is not None:
+        raise ValueError(f"map has {value:g} for {ends[0]}, which sends {sent.takes()}.")
 
 
 def one_sided(connections: Sequence[Connection], described: Mapping[str, Described]) -> list[str]:

@@ -3,7 +3,7 @@
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from fmpy import platform, platform_tuple, read_model_description
 
 from master.coupling.participants import FmuParticipant
-from master.coupling.participants.blocks import NO_NUMBERS, Blocks, described_limits, grid, grouped
+from master.coupling.participants.blocks import NO_NUMBERS, Blocks, Limits, described_limits, grid, grouped
 from master.coupling.participants.fmi3 import scalars_of
 from master.coupling.participants.fmu import require_size
 from master.fmu_coupling.archive import model_description, require_library
@@ -142,7 +142,11 @@ class Described(Blocks):
             array = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
             raise ValueError(f"{self.name}: block {block!r} takes numbers of shape {self.blocks[block]}.") from None
-        if limits.kind in ("integer", "enumeration") and not self._declared and np.any(np.abs(array) >= 2.0**31):
+        if (
+            limits.kind in ("integer", "enumeration")
+            and not self._declared
+            and np.any((array < -(2.0**31)) | (array >= 2.0**31))
+        ):
             raise ValueError(f"{self.name}: block {block!r} takes whole numbers of 32 bits.")
         factor = self.named[block].factor if block in self.named else 1.0
         return self.checked(block, array / factor, start=True)
@@ -254,6 +258,12 @@ def _replaced(values: Any, items: Mapping[str, int]) -> Any:
     return items[values] if isinstance(values, str) else values
 
 
+def _scaled(limits: Limits, factor: float) -> Limits:
+    """The limits of what is `factor` times the value in an FMU; a factor below zero exchanges the bounds."""
+    low, high = (None if b is None else factor * b for b in (limits.minimum, limits.maximum))
+    return replace(limits, minimum=low if factor > 0.0 else high, maximum=high if factor > 0.0 else low)
+
+
 class MappedParticipant(Blocks):
     """An FMU under names and in units of our own (Participant); `start` holds start values of blocks in our units."""
 
@@ -276,7 +286,9 @@ class MappedParticipant(Blocks):
         named = {name: (block.variables, block.shape) for name, block in described.named.items()}
         self._factors = {name: block.factor for name, block in described.named.items() if block.factor != 1.0}
         self.fmu = FmuParticipant(path, raw, start_time, stop_time, named, texts, instance, initialise, described.known)
-        self.name, self.blocks, self.limits = self.fmu.name, self.fmu.blocks, self.fmu.limits
+        self.name, self.blocks = self.fmu.name, self.fmu.blocks
+        own = {name: _scaled(self.fmu.limits[name], factor) for name, factor in self._factors.items()}
+        self.limits = {**self.fmu.limits, **own}  # in our units
         self.own_blocks = self.fmu.own_blocks
         self.saves_state, self.serialises_state = self.fmu.saves_state, self.fmu.serialises_state
         self.enter_initialization = self.fmu.enter_initialization

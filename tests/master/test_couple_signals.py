@@ -295,3 +295,114 @@ def test_predictions_and_updates_stay_within_the_bounds_of_the_inputs(tmp_path, 
         result = coupled(tmp_path, coupling({"valve": "valve", "ctl": "sender"}, links, predictor=predictor))
         assert result.status == "converged", result.message
         assert not result.steps.messages  # nothing had to be recovered
+
+
+def test_bounds_hold_in_the_unit_of_the_block_that_has_them(tmp_path):
+    bounds = [("open", 0, "input", "Real", 'min="0" max="1"'), ("flow", 1, "output", "Real", "")]
+    guest(tmp_path, "valve", bounds, step="r[1] += h * r[0]; if (r[0] < 0.0 || r[0] > 1.0) return 3")
+    sender = [("flow", 0, "input", "Real", ""), ("open", 1, "output", "Real", "")]
+    for factor in (1e-3, -1.0, 1e3):
+        sent = f"r[1] = {factor} * fmin(1.0, fmax(0.0, 3.0 * (t + h) - 0.8 - r[0]))"
+        guest(tmp_path, "sender", sender, step=sent)
+        valve = {"fmu": "valve.fmu", "blocks": {"lift": {"variables": "open", "factor": factor}}}
+        links = [("ctl.open", "valve.lift"), ("valve.flow", "ctl.flow")]
+        result = coupled(tmp_path, coupling({"valve": valve, "ctl": "sender"}, links))
+        assert result.status == "converged", result.message
+        assert not result.steps.messages  # nothing was predicted beyond the bounds and refused
+        scaled = coupled(tmp_path, coupling(
+            {"valve": "valve", "ctl": "sender"},
+            [("ctl.open", "valve.open", {"factor": 1.0 / factor, "offset": 0.0}), links[1]],
+        ))  # fmt: skip
+        assert result.evaluations == scaled.evaluations  # as where the connection has the factor
+
+
+def test_a_whole_number_beyond_the_bounds_of_an_input_is_remarked_upon_and_never_clipped(tmp_path):
+    guest(tmp_path, "count", [("n", 0, "output", "Integer", ""), ("m", 1, "input", "Integer", 'max="100000000"')],
+          begin="k[0] = 100000001")  # fmt: skip
+    result = coupled(tmp_path, coupling({"a": "count", "b": "count"}, [("a.n", "b.m")], record=["b.m"]))
+    assert result.values["b.m"] == 100000001  # one more than the bound, within the rounding of a Real
+    assert any("b.m was sent 1e+08, which lies beyond its bounds" in remark for remark in result.remarks)
+
+
+def test_integers_start_anywhere_in_their_32_bits(tmp_path):
+    guest(tmp_path, "count", [("n", 0, "output", "Integer", ""), ("m", 1, "input", "Integer", "")])
+    for value in (-(2**31), 2**31 - 1):
+        content = coupling({"a": "count", "b": {"fmu": "count.fmu", "start": {"m": value}}}, [("a.n", "b.m")])
+        Document.of(content, tmp_path)
+    for value in (-(2**31) - 1, 2**31):
+        content["participants"]["b"]["start"]["m"] = value
+        assert "takes whole numbers of 32 bits" in refusal(tmp_path, content)
+
+
+@pytest.mark.parametrize(
+    ("output", "pairs", "sentence"),
+    [
+        ("on", [[0, 1], [0, 0], [1, 1]], "map does not suit: it has 0 twice, with 1 and 0; leave one of them."),
+        ("on", [[2, 1], [0, 0], [1, 1]], "map has 2 for a.on, which sends true or false (1 or 0)."),
+        ("on", [[0, float("nan")]], "map must be pairs of numbers"),
+        ("y", [[0, 0], [1, 1]], "a.y is Real, and a map is of discrete values; use factor and offset."),
+    ],
+)
+def test_a_map_has_one_answer_to_each_value_that_its_output_may_send(tmp_path, output, pairs, sentence):
+    guest(tmp_path, "flag", [("on", 0, "output", "Boolean", ""), ("y", 1, "output", "Real", ""),
+                             ("off", 2, "input", "Boolean", "")])  # fmt: skip
+    content = coupling({"a": "flag", "b": "flag"}, [(f"a.{output}", "b.off", {"map": pairs})])
+    assert sentence in refusal(tmp_path, content)
+
+
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+def test_a_value_that_becomes_nan_in_the_run_names_participant_and_variable(tmp_path, scheme):
+    lin(tmp_path)
+    lin(tmp_path, "late", step="r[1] = t > 0.45 ? NAN : 1.0 + 0.5 * r[0]")
+    links = [("late.y", "b.u"), ("b.y", "late.u")]
+    for order in ({"b": "lin", "late": "late"}, {"late": "late", "b": "lin"}):  # sent back, or sent on
+        result = coupled(tmp_path, coupling(order, links, scheme=scheme))
+        assert result.status == "diverged"
+        assert result.time == pytest.approx(0.5)
+        fed_back = next(iter(order)) == "b"
+        assert ("late.y" if fed_back else "participant late sent y = nan") in result.message
+        assert ". (" not in result.message
+
+
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+@pytest.mark.parametrize("scheme", ["explicit", "iqn-ils"])
+def test_an_output_that_is_no_item_before_the_first_step_is_stood_in_for_by_the_start_of_its_input(
+    tmp_path, order, scheme
+):
+    mode = 'declaredType="Mode"'
+    guest(tmp_path, "late", [("T", 0, "input", "Real", ""), ("mode", 0, "output", "Enumeration", mode)], types=MODE,
+          step="k[0] = 2")  # fmt: skip
+    guest(tmp_path, "room", [("mode", 0, "input", "Enumeration", f'{mode} start="5"'), ("T", 0, "output", "Real", "")],
+          types=MODE, begin="k[0] = 5", step="r[0] += h * k[0]")  # fmt: skip
+    links = [("late.mode", "room.mode"), ("room.T", "late.T")]
+    content = coupling({"room": "room", "late": "late"}, links, scheme=scheme, order=order)
+    result = coupled(tmp_path, content)
+    assert result.status == "converged", result.message
+    first = 5.0 if scheme == "explicit" else 2.0  # explicit: the first step has the start value
+    assert result.values["room.T"] == pytest.approx(0.1 * (first + 9 * 2.0), rel=1e-12)
+    says = "late.mode is no item of its enumeration before the first step; the start value of room.mode stands in for"
+    assert any(says in remark for remark in result.remarks), result.remarks
+
+
+def test_a_value_that_an_input_does_not_take_names_what_sent_it(tmp_path):
+    mode = 'declaredType="Mode"'
+    guest(tmp_path, "sender", [("mode", 0, "output", "Enumeration", mode)], types=MODE, begin="k[0] = 1",
+          step="k[0] = t > 0.45 ? 3 : 2")  # fmt: skip
+    guest(tmp_path, "room", [("mode", 0, "input", "Enumeration", f'{mode} start="5"')], types=MODE, begin="k[0] = 5")
+    result = coupled(tmp_path, coupling({"a": "sender", "room": "room"}, [("a.mode", "room.mode")]))
+    assert result.status == "diverged"
+    assert (
+        "takes one of the items off (1), cruise (2), boost (5), not 3 (participant a sent mode = 3)" in result.message
+    )
+
+
+@pytest.mark.parametrize("order", ["serial", "parallel"])
+@pytest.mark.parametrize("scheme", SCHEMES[1:])
+def test_a_loop_without_a_fixed_point_never_converges_by_the_rounding_of_unknowns_that_it_blew_up(
+    tmp_path, scheme, order
+):
+    lin(tmp_path, gain=1.0)  # y = 1 + u twice: x = x + 2
+    links = [("a.y", "b.u"), ("b.y", "a.u")]
+    for start in ({}, {"u": 0.0}):  # the loop of the initialisation has none either
+        content = coupling({"a": {"fmu": "lin.fmu", "start": start}, "b": "lin"}, links, scheme=scheme, order=order)
+        assert coupled(tmp_path, content).status in ("diverged", "stalled")

@@ -178,6 +178,37 @@ def test_values_are_mapped_on_their_way_as_the_tables_say(tmp_path):
             exchange.evaluate(exchange.present())
 
 
+def integers(*pairs):
+    """A mapping of integers."""
+    listed = "".join(f'<ssc:MapEntry source="{a}" target="{b}"/>' for a, b in pairs)
+    return f"<ssc:IntegerMappingTransformation>{listed}</ssc:IntegerMappingTransformation>"
+
+
+def test_a_table_behind_a_factor_looks_up_what_arrives_there(tmp_path):
+    fmu = signals_fmu(tmp_path)
+    inner = system(
+        "in", component("b", "signals.fmu"), link("n", "b/x_Int32[1]", integers((3, 40), (5, 60))),
+        connectors(n="input"),
+    )  # fmt: skip
+    whole = system("s", component("a", "signals.fmu") + inner, link("a/y_Int32[2]", "in/n", linear(2, 1)))
+    path, settings = tmp_path / "t.ssp", EXPLICIT | {"time": {"stop": 0.1, "step": 0.1}}
+    with opened(Document.read(packed(path, structure(whole), [fmu]), settings)) as exchange:
+        exchange.evaluate(exchange.present())
+        assert exchange.participants["in/b"].get("x_Int32").tolist() == [40.0, 0.0]  # of 2 (0 + 1) + 1
+
+
+def test_mappings_without_one_answer_to_what_is_sent_are_refused(tmp_path):
+    fmu = signals_fmu(tmp_path)
+    elements = component("a", "signals.fmu") + component("b", "signals.fmu")
+    for pairs, sentence in (
+        (((0, 5), (0, 7)), "does not suit: it has 0 twice, with 5 and 7; leave one of them."),
+        ((), "does not suit: nothing that is sent is in it."),
+    ):
+        whole = system("s", elements, link("a/y_Int32[2]", "b/x_Int32[1]", integers(*pairs)))
+        with pytest.raises(ValueError, match=re.escape(sentence)):
+            Document.read(packed(tmp_path / "t.ssp", structure(whole), [fmu]), EXPLICIT)
+
+
 def test_items_of_enumerations_are_mapped_and_started_by_name(tmp_path):
     fmu = signals_fmu(tmp_path)
     swapped = "".join(

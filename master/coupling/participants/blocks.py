@@ -111,11 +111,11 @@ class Blocks:
             raise ValueError(f"{self.name}: block {block!r} must be finite, not {array.reshape(-1)[k]:g}.")
         if limits.kind != "real":
             self._require_kind(block, array, limits)
-        elif first_outside(array, limits.minimum, limits.maximum) is not None:
+        if first_outside(array, limits.minimum, limits.maximum) is not None:
             low = -np.inf if limits.minimum is None else limits.minimum
             high = np.inf if limits.maximum is None else limits.maximum
             sizes = np.maximum(*(np.where(np.isfinite(b), np.abs(b), 0.0) for b in (low, high)))
-            slack = np.where(sizes > 0.0, SINGLE * sizes, DOUBLE)
+            slack = np.where(sizes > 0.0, SINGLE * sizes, DOUBLE) if limits.kind == "real" else 0.0  # whole are exact
             inside = np.clip(array, low, high)
             array = np.where(np.abs(array - inside) <= slack, inside, array)
             if block not in self.outside and (k := first_outside(array, limits.minimum, limits.maximum)) is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from master.fmu_coupling.entries import nearest
+from master.fmu_coupling.entries import nearest, one_valued
 from master.fmu_coupling.ssp.fmus import ComponentFmu, number
 from master.fmu_coupling.ssp.package import Files
 from master.fmu_coupling.ssp.structure import Link, Node, Structure, Transformation, measured
@@ -33,7 +33,7 @@ class Way:
 
     def looked_up(self, table: Mapping[float, float]) -> "Way":
         """The way with a table after it."""
-        begun = self.table or tuple((a, a) for a in table)
+        begun = self.table or tuple(((a - self.offset) / self.factor, a) for a in table)
         return Way(table=tuple((a, table[b]) for a, b in begun if b in table))
 
     def arriving(self, value: float) -> float:
@@ -217,11 +217,14 @@ class Signals:
         kind = how.kind.removesuffix("MappingTransformation")
         items = [self.fmus[end[0]].items(end[1]) if end is not None and end[0] in self.fmus else {} for end in ends]
         try:
-            table = {
-                float(number(a, kind, items[0] or items[1])): float(number(b, kind, items[1])) for a, b in how.entries
-            }
+            pairs = [
+                (float(number(a, kind, items[0] or items[1])), float(number(b, kind, items[1]))) for a, b in how.entries
+            ]
+            through = way.looked_up(one_valued(pairs))
+            if not through.table:
+                raise ValueError("nothing that is sent is in it")
         except ValueError as error:
             raise self.files.refused(
                 f"the mapping of what arrives at {self.name(at)} does not suit: {error}."
             ) from None
-        return way.looked_up(table)
+        return through
