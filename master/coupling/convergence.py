@@ -104,7 +104,7 @@ class ConvergenceMonitor:
         holds = (r <= tolerance) | ~significant
         tight = self.atol + self.rtol * np.minimum(size, self.data) + self.residual_rtol * self.reference
         if self.floors is not None:  # they grow with unknowns that updates have blown up
-            within = np.where(size > self.data, self.data / np.maximum(size, np.finfo(float).tiny), 1.0)
+            within = np.divide(self.data, size, out=np.ones_like(size), where=size > self.data)
             tight = np.maximum(tight, within * self.floors)
         known = (size <= self.data) | (np.maximum(r, ROUNDING * size) <= tight)
         with np.errstate(over="ignore"):
