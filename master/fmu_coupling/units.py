@@ -11,6 +11,9 @@ BASE = ("kg", "m", "s", "A", "K", "mol", "cd")  # rad, the eighth of FMI, is 1 i
 NONE = ("", "1", "-")  # names of no unit
 WORDS = {"Ohm": "ohm", "rev": "turn", "Nm": "N*m", "kNm": "kN*m"}  # what pint calls otherwise
 
+# Units of cycles, and of angles: the same in base units, which have neither, and a factor of 2 pi apart.
+CYCLES, ANGLE = re.compile(r"Hz\b|[Hh]ertz"), re.compile(r"rad|rpm|rev|turn|(deg|°)(?![CFKR])")
+
 
 @dataclass(frozen=True)
 class Unit:
@@ -112,5 +115,11 @@ def conversion(sent: Measured | None, wanted: Measured | None) -> tuple[float, f
         raise ValueError(f"and nothing says what {unknown} is in base units")
     if a.exponents != b.exponents:
         raise ValueError("which measure different things")
-    offset = 0.0 if sent.relative or wanted.relative else (a.offset - b.offset) / b.factor
-    return a.factor / b.factor, offset
+    if (CYCLES.search(sent.name) and ANGLE.search(wanted.name)) or (
+        ANGLE.search(sent.name) and CYCLES.search(wanted.name)
+    ):
+        raise ValueError("of which one counts cycles and the other angles, both without a dimension")
+    offset = (a.offset - b.offset) / b.factor
+    if offset and sent.relative != wanted.relative:
+        raise ValueError("of which one is a difference (relativeQuantity) and the other has a zero of its own")
+    return a.factor / b.factor, 0.0 if sent.relative else offset

@@ -162,6 +162,9 @@ def test_declared_units_are_converted(tmp_path, sent, wanted, value, arrives, un
     ("sent", "wanted", "says"),
     [
         ('unit="mm"', 'unit="K"', "probe.x is in mm, rig.x in K, which measure different things; give factor"),
+        ('unit="Hz"', 'unit="rad/s"', "of which one counts cycles and the other angles, both without a dimension"),
+        ('unit="rpm"', 'unit="kHz"', "of which one counts cycles and the other angles, both without a dimension"),
+        ('unit="degC"', 'unit="K" relativeQuantity="true"', "of which one is a difference (relativeQuantity) and"),
         ('unit="mm"', 'unit="smidgens_of_ours"', "nothing says what smidgens_of_ours is in base units; give factor"),
     ],
 )
