@@ -14,7 +14,7 @@ COARSE |= {name: {"variant": "sketch"} for name in ("box_wing", "flexible_wing",
 COARSE |= {"parafoil_small": {}}
 
 
-LIKE = {"parafoil_160": "parafoil_small"}  # scenes that differ from another one in numbers only
+LIKE = dict.fromkeys(("parafoil_160", "flexible_wing"), "parafoil_small")  # scenes with nothing that another one lacks
 
 
 def _cases():
