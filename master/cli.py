@@ -358,7 +358,7 @@ def couple(
     (results up to there are still written), 2 bad input, 130 interrupted. The FMUs run in a process of their own: what
     one that ends it has left is told.
     """
-    from master.apart import apart
+    from master.isolated import isolated
 
     given = {
         "time": {"mode": mode, "start": start, "stop": stop, "step": step},
@@ -373,7 +373,7 @@ def couple(
         files = Files(checkpoint, checkpoint_every, restart)
         return couple_file(file, out, report, files, force, settings, watch)
 
-    _finish(lambda: apart(work, (out or Path("results") / file.stem).absolute()))
+    _finish(lambda: isolated(work, (out or Path("results") / file.stem).absolute()))
 
 
 @app.command("host-env", short_help="Print the environment in which C and C++ hosts run the FMUs.")

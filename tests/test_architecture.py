@@ -33,7 +33,7 @@ MASTER_ROOMS = {
     "fmu_coupling": {"master.fmu_coupling"},
     "commands": {"master.commands", "master.transient", "master.restart"},
     "studies": {"master.studies"},
-    "cli": {"master.cli", "master.__main__", "master.apart", "master.moved"},  # and master itself
+    "cli": {"master.cli", "master.__main__", "master.isolated", "master.moved"},  # and master itself
 }
 LEAVES = {"participants", "acceleration"}  # of coupling; who may import it may import them
 MASTER_NEIGHBOURS = {

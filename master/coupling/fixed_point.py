@@ -1,6 +1,6 @@
 """The coupling loop: repeat x <- scheme(x, G(x) - x) until every field has converged, or say why not."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -129,9 +129,8 @@ def fixed_point(
     p = progress
     free = parts if admissible is None else admissible.free_parts(parts)
     if p is None:
-        exact = (
-            [] if admissible is None else [n for n, f in zip(names, parts, strict=True) if admissible.whole[f].any()]
-        )
+        whole = np.zeros(x0.size, dtype=bool) if admissible is None else admissible.whole
+        exact = [name for name, part in zip(names, parts, strict=True) if whole[part].any()]
         p = Progress(x0.ravel(), ConvergenceMonitor(names, atol, rtol, residual_rtol, exact))
         scheme.begin(free)
     if floors is not None:
@@ -151,9 +150,7 @@ def fixed_point(
         if callback is not None:
             callback(k, x.reshape(shape).copy(), x_tilde.reshape(shape).copy(), r.reshape(shape).copy())
         if not failure and not np.all(np.isfinite(norms)):
-            bad = [n for n, f in zip(names, parts, strict=True) if not np.isfinite(x_tilde.reshape(-1)[f]).all()]
-            of = f": {', '.join(bad)}" if bad and fields is not None else ""
-            failure = f"G returned values that are not finite at evaluation {k}{of}."
+            failure = _not_finite(x_tilde, [] if fields is None else list(zip(names, parts, strict=True)), k)
         if isinstance(error, SimulationEnded):
             ended = "terminated", f"{str(error).rstrip('.')}."
         elif failure:
@@ -179,6 +176,12 @@ def fixed_point(
         recoveries=tuple(p.recoveries),
         refused=isinstance(error, StepDiscarded),
     )
+
+
+def _not_finite(x_tilde: np.ndarray, fields: Sequence[tuple[str, Field]], k: int) -> str:
+    """A sentence on values of G that are not finite, with the names of the fields that have them."""
+    bad = [name for name, part in fields if not np.isfinite(x_tilde[part]).all()]
+    return f"G returned values that are not finite at evaluation {k}{': ' if bad else ''}{', '.join(bad)}."
 
 
 def _require(max_iterations: int, growth_limit: float, stall_window: int, recoveries: int) -> None:

@@ -202,11 +202,7 @@ def march(
     allowed = exchange.admissible(order)
     now.rounding = now.rounding or Rounding()
     settings |= {"admissible": allowed, "floors": ExchangeFloors(now.rounding, exchange)}
-    status, message = "converged", f"All {len(now.steps) + count} communication steps converged."
-    for k, earlier in enumerate(now.steps.statuses if begun else ()):
-        if earlier not in GOOD:
-            status, message = earlier, f"Communication step {k + 1}, to {now.steps.times[k]:g} s, did not converge."
-            break
+    status, message = _so_far(now.steps, count)
     try:
         if count == 0 and hold is not None:
             hold(now)
@@ -247,6 +243,14 @@ def march(
     finally:
         exchange.abandon()
     return MarchResult(status, message, exchange.time, now.x, now.steps, exchange.evaluations, dict(exchange.seconds))
+
+
+def _so_far(steps: Steps, count: int) -> tuple[str, str]:
+    """Status and message of a run whose next `count` steps converge: those of the first step that did not."""
+    for k, earlier in enumerate(steps.statuses):
+        if earlier not in GOOD:
+            return earlier, f"Communication step {k + 1}, to {steps.times[k]:g} s, did not converge."
+    return "converged", f"All {len(steps) + count} communication steps converged."
 
 
 def _count(exchange: Exchange, stop_time: float) -> int:

@@ -58,7 +58,7 @@ class ExchangeFloors:
 
     def __init__(self, rounding: Rounding, exchange: Exchange) -> None:
         self.rounding, self.exchange = rounding, exchange
-        self._parts: Sequence[Field] = ()
+        self._field_of = np.zeros(0, dtype=int)
         self._names: list[str] = []
         self._inputs: dict[str, list[np.ndarray]] = {}
         self._steep: list[np.ndarray] = []
@@ -66,8 +66,11 @@ class ExchangeFloors:
 
     def begin(self, names: list[str], parts: Sequence[Field]) -> None:
         """See Floors."""
-        self._names, self._parts = names, parts
-        self.rounding.begin(len(parts), sum(map(_size, parts)))
+        sizes = [part.stop - part.start if isinstance(part, slice) else int(np.size(part)) for part in parts]
+        self._names, self._field_of = names, np.empty(sum(sizes), dtype=int)
+        for k, part in enumerate(parts):
+            self._field_of[part] = k
+        self.rounding.begin(len(parts), sum(sizes))
         self._inputs, self._steep = {}, []
         self._begun = self.rounding.largest.copy()
 
@@ -83,8 +86,8 @@ class ExchangeFloors:
         if not own.double.all():
             bits = np.ascontiguousarray(x_tilde).view(np.int64)
             beyond, other = (bits & BELOW_SINGLE) != 0, x_tilde != own.last
-            own.double = own.double | np.array([bool(beyond[part].any()) for part in self._parts], dtype=bool)
-            own.changes = own.changes + np.array([np.count_nonzero(other[part]) for part in self._parts])
+            own.double = own.double | (self._summed(beyond) > 0.0)
+            own.changes = own.changes + self._summed(other)
         own.largest = np.maximum(own.largest, sizes)
         own.last = x_tilde.copy()
         if self._inputs:
@@ -95,12 +98,14 @@ class ExchangeFloors:
     def _steepness(self, step: np.ndarray) -> np.ndarray:
         """How much each field has changed for the relative change of what its participant received, (fields,)."""
         moved = {name: _relative(self._inputs[name], now) for name, now in self.exchange.received.items()}
-        found = np.zeros(len(self._parts))
-        for k, (name, part) in enumerate(zip(self._names, self._parts, strict=True)):
-            change = moved[self.exchange.source(name)[0]]
-            if change > 0.0:
-                found[k] = np.linalg.norm(step[part]) / change
-        return found
+        change = np.array([moved[self.exchange.source(name)[0]] for name in self._names])
+        with np.errstate(over="ignore"):
+            size = np.sqrt(self._summed(step**2))
+        return np.divide(size, change, out=np.zeros_like(size), where=change > 0.0)
+
+    def _summed(self, values: np.ndarray) -> np.ndarray:
+        """The sum of values (entries,) in each field, (fields,)."""
+        return np.bincount(self._field_of, values, minlength=len(self._names))
 
     def explains(self, monitor: ConvergenceMonitor) -> bool:
         """See Floors."""
@@ -116,10 +121,6 @@ class ExchangeFloors:
         own.single = own.single | (coarse & above)
         own.noise = np.where(above, np.maximum(own.noise, monitor.last), own.noise)
         return True
-
-
-def _size(part: Field) -> int:
-    return part.stop - part.start if isinstance(part, slice) else int(np.size(part))
 
 
 def _relative(before: list[np.ndarray], now: list[np.ndarray]) -> float:

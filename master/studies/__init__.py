@@ -93,16 +93,7 @@ def compare(
     ordered = [orders] if isinstance(orders, str) else list(orders)
     assigned = {k: assignment_text(v) for k, v in (settings or {}).items()}
     transient = {"stop_time": stop_time, "step": step}
-    files = [path for path in paths if is_coupling(path)]
-    of_scenes = [path for path in paths if path not in files]
-    if files and not of_scenes and (assigned or swept):
-        raise ValueError("--set and --sweep are for scenes; what FMUs start with is written in their coupling file.")
-    cells = grid(of_scenes, names, listed, assigned, swept, ordered, options, transient, bool(files))
-    if files:
-        shared = code_digest(), versions()
-        cells += coupling_cells(files, scheme_variants(names, listed), ordered, repeat, transient, *shared)
-    if not cells:
-        raise ValueError("FMUs give no derivatives, which the schemes named need; name another.")
+    cells = _cells(paths, names, listed, assigned, swept, ordered, options, transient)
     if out is None:
         found = _solved(cells, jobs, None, False, progress)
         return flat_rows(cells, [found[cell.key] for cell in cells])
@@ -114,6 +105,30 @@ def compare(
         write_comparison(results.path, table)
         results.place()
     return table
+
+
+def _cells(
+    paths: Sequence[str],
+    names: Sequence[str],
+    listed: Mapping[str, list[Any]],
+    assigned: Mapping[str, str],
+    swept: Mapping[str, list[str]],
+    orders: Sequence[str],
+    options: Mapping[str, Any],
+    transient: Mapping[str, float | None],
+) -> list[Cell]:
+    """The cells of scenes and of coupling files; ValueError in one sentence where there is none."""
+    files = [path for path in paths if is_coupling(path)]
+    of_scenes = [path for path in paths if path not in files]
+    if files and not of_scenes and (assigned or swept):
+        raise ValueError("--set and --sweep are for scenes; what FMUs start with is written in their coupling file.")
+    cells = grid(of_scenes, names, listed, assigned, swept, orders, options, transient, bool(files))
+    if files:
+        shared = code_digest(), versions()
+        cells += coupling_cells(files, scheme_variants(names, listed), orders, options["repeat"], transient, *shared)
+    if not cells:
+        raise ValueError("FMUs give no derivatives, which the schemes named need; name another.")
+    return cells
 
 
 def _solved(

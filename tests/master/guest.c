@@ -3,6 +3,8 @@
  * r, k and b are the Real, Integer (Enumeration too) and Boolean variables by value reference; code of a step sees t and
  * h, and may return a status. SAY(status, text) logs.
  */
+#include "fmi2.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -46,14 +48,6 @@
 #define SIZE 64
 #endif
 
-#define EXPORT __attribute__((visibility("default")))
-typedef struct {
-    void (*logger)(void *, const char *, int, const char *, const char *, ...);
-    void *(*allocate)(size_t, size_t);
-    void (*release)(void *);
-    void (*finished)(void *, int);
-    void *environment;
-} callbacks_type;
 typedef struct {
     double r[SIZE];
     int k[SIZE], b[SIZE];

@@ -1,16 +1,10 @@
 """FMUs of other makers with one peculiarity each, compiled from `guest.c` with code that a test gives."""
 
 import functools
-import shutil
-import subprocess
-import sys
-import tempfile
-import zipfile
 from pathlib import Path
 
-import pytest
+from tests.master.toy_fmus import library, packed
 
-SOURCE = Path(__file__).with_name("guest.c")
 LIN = {
     "variables": [("u", 0, "input", "Real", ""), ("y", 1, "output", "Real", "")],
     "step": "r[1] = 1.0 + 0.5 * r[0]",
@@ -49,29 +43,17 @@ def _start(causality, kind, more):
 
 
 @functools.cache
-def library(definitions):
-    """The bytes of a library with these macros; the test is skipped where there is no C compiler."""
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None or not sys.platform.startswith("linux"):
-        pytest.skip("no C compiler on the path (or not Linux), so FMUs cannot be compiled")
-    with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "guest.so"
-        options = [f"-D{key}={value}" for key, value in definitions]
-        command = [compiler, "-shared", "-fPIC", "-O1", "-w", *options, "-o", made, SOURCE, "-lm"]
-        subprocess.run(command, check=True, timeout=60)
-        return made.read_bytes()
+def compiled(definitions):
+    """The bytes of a library with these macros."""
+    return library("guest.c", "-w", *(f"-D{key}={value}" for key, value in definitions))
 
 
 def guest(folder, name, variables, units="", types="", attributes="", **code):
     """An FMU `name`.fmu in a folder, with code for `step`, `enter`, `exit`, `read`, `save`, `begin` and expressions for
     `status`, `terminated`, `last`, `environment`.
     """
-    content = library(tuple(sorted((key.upper(), value) for key, value in code.items())))
-    path = Path(folder) / f"{name}.fmu"
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", described(name, variables, units, types, attributes))
-        archive.writestr(f"binaries/linux64/{name}.so", content)
-    return path
+    content = compiled(tuple(sorted((key.upper(), value) for key, value in code.items())))
+    return packed(Path(folder) / f"{name}.fmu", described(name, variables, units, types, attributes), content)
 
 
 def lin(folder, name="lin", gain=0.5, **more):

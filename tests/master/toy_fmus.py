@@ -8,6 +8,7 @@ wheel: J w' = torque - c w, compiled from C; no states, and its steps must begin
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -114,15 +115,26 @@ def python_fmu(name, source, folder, **options):
     return Path(made).rename(Path(folder) / f"{name}.fmu")
 
 
-def wheel_fmu(folder):
-    """The FMU of the wheel, compiled; the test is skipped where there is no C compiler."""
+def library(source, *options):
+    """The bytes of a library compiled from a C file beside this one; the test is skipped where that cannot be."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or not sys.platform.startswith("linux"):
-        pytest.skip("no C compiler on the path (or not Linux), so the FMU of the wheel cannot be made")
-    library, path = Path(folder) / "wheel.so", Path(folder) / "wheel.fmu"
-    source = Path(__file__).with_name("wheel.c")
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-lm"], check=True, timeout=60)
+        pytest.skip("no C compiler on the path (or not Linux), so FMUs cannot be compiled")
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "made.so"
+        command = [compiler, "-shared", "-fPIC", "-O1", *options, "-o", made, Path(__file__).with_name(source), "-lm"]
+        subprocess.run(command, check=True, timeout=60)
+        return made.read_bytes()
+
+
+def packed(path, description, library, platform="linux64"):
+    """An FMU of a model description and a library, both as their content; its path."""
     with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", DESCRIPTION)
-        archive.write(library, "binaries/linux64/wheel.so")
+        archive.writestr("modelDescription.xml", description)
+        archive.writestr(f"binaries/{platform}/{Path(path).stem}.so", library)
     return path
+
+
+def wheel_fmu(folder):
+    """The FMU of the wheel, compiled."""
+    return packed(Path(folder) / "wheel.fmu", DESCRIPTION, library("wheel.c"))

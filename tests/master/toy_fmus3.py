@@ -1,13 +1,10 @@
 """FMUs of FMI 3.0 for tests of `kitecosim couple`: one with a variable of every type, compiled from C."""
 
-import shutil
-import subprocess
-import sys
-import zipfile
 from pathlib import Path
 
-import pytest
 from fmpy import platform_tuple
+
+from tests.master.toy_fmus import library, packed
 
 KINDS = ("Float64", "Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean")
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>
@@ -53,14 +50,5 @@ def description():
 
 
 def signals_fmu(folder):
-    """signals.fmu in a folder; the test is skipped where there is no C compiler."""
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None or not sys.platform.startswith("linux"):
-        pytest.skip("no C compiler on the path (or not Linux), so the FMU of FMI 3.0 cannot be made")
-    library, path = Path(folder) / "signals.so", Path(folder) / "signals.fmu"
-    source = Path(__file__).with_name("signals.c")
-    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, source, "-lm"], check=True, timeout=60)
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("modelDescription.xml", description())
-        archive.write(library, f"binaries/{platform_tuple}/signals.so")
-    return path
+    """signals.fmu in a folder, compiled."""
+    return packed(Path(folder) / "signals.fmu", description(), library("signals.c"), platform_tuple)

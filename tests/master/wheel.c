@@ -3,19 +3,11 @@
  * Like many exported FMUs it insists on steps that begin where the last one ended. Value references: 0 torque,
  * 1 speed, 2 J, 3 c, 4 start speed, 5 steps (Integer), 6 trouble (Integer: the step of that number is not completed).
  */
+#include "fmi2.h"
+
 #include <math.h>
-#include <stddef.h>
 #include <stdlib.h>
 
-#define EXPORT __attribute__((visibility("default")))
-typedef void (*logger_type)(void *, const char *, int, const char *, const char *, ...);
-typedef struct {
-    logger_type logger;
-    void *(*allocate)(size_t, size_t);
-    void (*release)(void *);
-    void (*finished)(void *, int);
-    void *environment;
-} callbacks_type;
 typedef struct {
     double real[5];
     int integer[2]; /* steps, trouble */

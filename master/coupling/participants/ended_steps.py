@@ -11,7 +11,7 @@ from typing import Any
 from interface import SimulationEnded, StepDiscarded, StepFailed
 
 DO_STEP, LAST_SUCCESSFUL_TIME, TERMINATED = 0, 2, 3  # fmi2StatusKind
-OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)  # fmi2Status, and fmi3Status but for the last
 STATUSES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 POLLS = 1e-4, 0.05  # s between two questions whether a step is done: at first, and at most
 

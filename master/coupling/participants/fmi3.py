@@ -18,6 +18,8 @@ from xml.etree import ElementTree
 import numpy as np
 from fmpy.fmi3 import FMU3Slave, fmi3IntermediateUpdateCallback, fmi3LogMessageCallback
 
+from master.coupling.participants.ended_steps import DISCARD, ERROR, LAST_SUCCESSFUL_TIME, OK, TERMINATED, WARNING
+
 # Type of FMI 3.0 -> (type of FMI 2.0 that it is described as, functions that carry it, its memory).
 TYPES = {
     "Float64": ("Real", "Float64", np.float64),
@@ -28,8 +30,6 @@ TYPES = {
     "Enumeration": ("Enumeration", "Int64", np.int64),
 }
 LARGEST_WHOLE = 2**53  # beyond it not every whole number is a double
-_OK, _WARNING, _DISCARD, _ERROR = 0, 1, 2, 3  # fmi3Status
-_LAST_SUCCESSFUL_TIME, _TERMINATED = 2, 3  # fmi2StatusKind
 _CALLBACKS: list[Any] = []  # of FMUs that ended with fmi3Fatal: their library stays, and may log for ever
 
 
@@ -130,7 +130,7 @@ class FMU3Sparse(FMU3Slave):
     def _loadFunctions(self) -> None:
         for name in dir(self):
             if name.startswith("fmi3") and name[4:] not in self.NEEDED and not hasattr(self.dll, name):
-                setattr(self.dll, name, lambda *_: _ERROR)
+                setattr(self.dll, name, lambda *_: ERROR)
         super()._loadFunctions()
 
 
@@ -175,7 +175,7 @@ class Fmi3Library:
     def _present(self, array: Any, get: Callable[[], int], buffer: np.ndarray, whole: bool) -> int:
         """Fill a buffer with an array as it stands, before entries of it are set; the status."""
         if self._started is None:
-            return _OK if whole else get()
+            return OK if whole else get()
         if array.valueReference not in self._started:
             texts = (array.start or "").split()
             begun = np.zeros_like(buffer)
@@ -184,11 +184,11 @@ class Fmi3Library:
             self._started[array.valueReference] = begun
         buffer[...] = self._started[array.valueReference]
         self._started[array.valueReference] = buffer  # which is what it is set to next
-        return _OK
+        return OK
 
     def fmi2SetString(self, component: Any, references: Any, count: int, values: Any) -> int:
         """See FMI 2.0."""
-        status = _OK
+        status = OK
         for reference, value in zip(references[:count], values[:count], strict=True):
             own = (c_uint * 1)(self._entries[reference].array.valueReference)
             status = max(status, self._fmu.dll.fmi3SetString(component, own, 1, (c_char_p * 1)(value), 1))
@@ -197,7 +197,7 @@ class Fmi3Library:
     def fmi2SetupExperiment(self, component: Any, *times: Any) -> int:
         """See FMI 2.0; the times go to the FMU with the next call."""
         self._times = times
-        return _OK
+        return OK
 
     def fmi2EnterInitializationMode(self, component: Any) -> int:
         """See FMI 2.0."""
@@ -216,27 +216,27 @@ class Fmi3Library:
         told = byref(event), byref(terminate), byref(early), byref(last)
         status: int = self._fmu.dll.fmi3DoStep(component, time, step, no_state_before, *told)
         self._last, self._terminated = last.value, terminate.value
-        if status > _WARNING or not (terminate.value or early.value):
+        if status > WARNING or not (terminate.value or early.value):
             return status
         what = (
             "asks for the end of the simulation" if terminate.value else "returned early, though that was not allowed,"
         )
-        self._hear(_DISCARD, f"the step from {time:g} s {what} at {last.value:g} s".encode())
-        return _DISCARD
+        self._hear(DISCARD, f"the step from {time:g} s {what} at {last.value:g} s".encode())
+        return DISCARD
 
     def fmi2GetRealStatus(self, component: Any, kind: int, value: Any) -> int:
         """See FMI 2.0."""
-        if kind != _LAST_SUCCESSFUL_TIME:
-            return _DISCARD
+        if kind != LAST_SUCCESSFUL_TIME:
+            return DISCARD
         ctypes.cast(value, POINTER(c_double))[0] = self._last
-        return _OK
+        return OK
 
     def fmi2GetBooleanStatus(self, component: Any, kind: int, value: Any) -> int:
         """See FMI 2.0."""
-        if kind != _TERMINATED:
-            return _DISCARD
+        if kind != TERMINATED:
+            return DISCARD
         ctypes.cast(value, POINTER(c_int))[0] = self._terminated
-        return _OK
+        return OK
 
     def fmi2SerializeFMUstate(self, component: Any, state: Any, data: Any, size: Any) -> int:
         """See FMI 2.0."""
@@ -310,13 +310,13 @@ class Fmi3Channel:
             self.set_, self.get_ = named(f"fmi3Set{one.name}", self._set), named(f"fmi3Get{one.name}", self._get)
 
     def _set(self) -> int:
-        flat, status = self.values.reshape(-1), _OK
+        flat, status = self.values.reshape(-1), OK
         for part in self._parts:
             status = max(status, part.set(flat))
         return status
 
     def _get(self) -> int:
-        flat, status = self.values.reshape(-1), _OK
+        flat, status = self.values.reshape(-1), OK
         for part in self._parts:
             status = max(status, part.get(flat))
         return status
@@ -349,7 +349,7 @@ class _Part:
     def set(self, flat: np.ndarray) -> int:
         """Set the entries from the values of the block; the status."""
         status: int = self._present()
-        if status > _WARNING:
+        if status > WARNING:
             return status
         self.buffer[self._to] = flat[self._from]
         status = self.set_(*self.arguments)

@@ -20,7 +20,7 @@ FORWARDED = ("SIGINT", "SIGTERM", "SIGHUP")
 EXIT_ENDED = 1
 
 
-class Board:
+class SharedState:
     """Memory that both processes see: whether the work has come to an end, and whose code runs now."""
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ def possible() -> bool:
     return hasattr(os, "fork") and real and threading.active_count() == 1
 
 
-def apart(work: Callable[[Callable[[str], Any]], int], out: Path) -> int:
+def isolated(work: Callable[[Callable[[str], Any]], int], out: Path) -> int:
     """The exit code of `work(watch)`, run in a process of its own that writes results to `out`; in this one where that
     is not possible. `work` tells `watch` whose code it calls.
 
@@ -62,20 +62,20 @@ def apart(work: Callable[[Callable[[str], Any]], int], out: Path) -> int:
         return work(lambda name: None)
     sys.stdout.flush()
     sys.stderr.flush()
-    board, parent = Board(), os.getpid()
+    shared, parent = SharedState(), os.getpid()
     child = os.fork()
     if child == 0:
         _follow(parent)
         try:
-            return work(board.call)
+            return work(shared.call)
         finally:
-            board.end()
+            shared.end()
     status = _awaited(child)
     code = os.waitstatus_to_exitcode(status)
-    if board.ended:
+    if shared.ended:
         return code if code >= 0 else EXIT_ENDED
     how = f"with {signal.Signals(-code).name}" if code < 0 else f"by exit({code})"
-    who = f"participant {board.called} ended the process" if board.called else "the process was ended"
+    who = f"participant {shared.called} ended the process" if shared.called else "the process was ended"
     partial = out.with_name(f"{out.name}.partial")
     there = (partial / "results.csv").is_file()
     left = f"what was written until then is in {partial}" if there else "nothing was written until then"
